@@ -1,0 +1,91 @@
+"""Everything the estimator chooses, as parameters: selection, gate, update, map management."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from scene_core.models.base import FeatureModel
+from scene_core.params import param
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Which features are worth measuring."""
+
+    budget: int = param(10, lo=0, hi=1000, soft=(1, 40), label="Select, max")
+    """At most this many features are measured by a sensor in a frame, largest score first."""
+    score: Literal["trace", "determinant"] = param(
+        "trace", choices=("trace", "determinant"), label="Score"
+    )
+    """What ranks them: the trace (SceneLib) or the determinant (the toolbox) of E = H P H'."""
+
+
+@dataclass(frozen=True)
+class Gate:
+    """When a match may enter the update."""
+
+    confidence: float = param(0.99, lo=0.5, hi=0.999999, soft=(0.9, 0.999), label="Confidence")
+    """A match is accepted when d2 = nu' S^-1 nu lies below the chi-square quantile of this
+    probability, with as many degrees of freedom as the measurement has numbers."""
+
+
+@dataclass(frozen=True)
+class Association:
+    """How a feature finds its measurement."""
+
+    kind: Literal["identity", "search"] = param(
+        "identity", choices=("identity", "search"), label="Association"
+    )
+    """identity: measurements say whose they are. search: look inside the predicted ellipse."""
+    search_sigma: float = param(3.0, lo=0.5, hi=10.0, soft=(1.0, 5.0), label="Search, sigma")
+    """Half-width of the search ellipse, in standard deviations of S."""
+
+
+@dataclass(frozen=True)
+class Update:
+    """How the accepted matches change the state."""
+
+    kind: Literal["stacked", "sequential"] = param(
+        "stacked", choices=("stacked", "sequential"), label="Update"
+    )
+    """stacked: one update with all matches. sequential: one after the other, h, H and S computed
+    anew after each (the search is done once)."""
+
+
+@dataclass(frozen=True)
+class Management:
+    """When features are born, changed and forgotten."""
+
+    keep_visible: int = param(12, lo=0, hi=500, soft=(0, 60), label="In view, min")
+    """New features are looked for when fewer than this many are measurable (0: never)."""
+    max_new: int = param(1, lo=0, hi=100, soft=(0, 20), label="New per frame")
+    """At most this many new features per sensor and frame."""
+    max_new_first: int = param(1, lo=0, hi=200, soft=(0, 40), label="New in frame 0")
+    """The same for the very first frame."""
+    max_features: int = param(120, lo=1, hi=2000, soft=(10, 400), label="Map size, max")
+    """No feature is added beyond this number."""
+    min_attempts: int = param(10, lo=1, hi=1000, soft=(2, 40), label="Attempts, min")
+    """A feature is judged only after this many searches."""
+    min_match_ratio: float = param(0.5, lo=0.0, hi=1.0, label="Match ratio, min")
+    """It is deleted when fewer of its searches found something."""
+    min_accept_ratio: float = param(0.5, lo=0.0, hi=1.0, label="Accept ratio, min")
+    """It is deleted when fewer of its matches passed the gate."""
+    delete_known: bool = param(False, label="Delete known")
+    """Whether features given at the start may be deleted too (SceneLib does)."""
+    linearity: float = param(0.1, lo=0.0, hi=1.0, soft=(0.01, 0.5), label="Linearity, max")
+    """Inverse depth becomes a Euclidean point below this linearity index (0: never)."""
+    min_speed: float = param(0.0, unit="m/s", lo=0.0, hi=10.0, soft=(0.0, 1.0), label="Speed, min")
+    """No automatic initialisation below this speed of the robot (SceneLib: 0.2)."""
+
+
+@dataclass(frozen=True)
+class Policies:
+    """All choices of the estimator, and the parametrisation of new features."""
+
+    landmark: FeatureModel
+    selection: Selection = field(default_factory=Selection)
+    association: Association = field(default_factory=Association)
+    gate: Gate = field(default_factory=Gate)
+    update: Update = field(default_factory=Update)
+    management: Management = field(default_factory=Management)

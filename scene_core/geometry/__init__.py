@@ -1,0 +1,1 @@
+"""Rotations, position states, primitives and ellipses, each value with its Jacobians."""

@@ -1,0 +1,1 @@
+"""What is modelled: motion, features, sensors and internal measurements, each a value."""

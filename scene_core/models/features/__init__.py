@@ -1,0 +1,1 @@
+"""Feature models: how a landmark is parametrised, one per file."""

@@ -1,0 +1,1 @@
+"""Internal measurements: what a robot feels of its own state, one per file."""

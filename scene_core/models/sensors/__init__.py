@@ -1,0 +1,1 @@
+"""Sensors: how a primitive is measured, one per file."""

@@ -1,0 +1,186 @@
+"""Parameters of frozen dataclasses: declaration, description, validated replacement by path.
+
+A parameter is a dataclass field made by `param`. The docstring under the field is its help
+text everywhere: slider, command line, settings file. A path is the dotted way to a field
+through nested dataclasses and mappings, e.g. ``robots.cam.motion.sd_accel``.
+"""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import inspect
+import math
+import textwrap
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from functools import cache
+from typing import Any, Literal
+
+Effect = Literal["next frame", "next feature", "on reset"]
+
+
+class ParamError(ValueError):
+    """A value from outside does not fit: the message says what, where, the range and the remedy."""
+
+
+@dataclass(frozen=True)
+class Spec:
+    """What a form needs to know about one parameter."""
+
+    path: str
+    name: str
+    value: Any
+    unit: str
+    """SI unit, `rad` for angles: the page turns radians into degrees, nothing else does."""
+    lo: float | None
+    hi: float | None
+    """Validity: a value outside is refused wherever it comes from."""
+    soft: tuple[float, float] | None
+    """The slider's range, inside (lo, hi)."""
+    choices: tuple[str, ...] | None
+    effect: Effect
+    help: str
+    label: str
+
+
+def param(
+    default: Any = MISSING,
+    *,
+    unit: str = "",
+    lo: float | None = None,
+    hi: float | None = None,
+    soft: tuple[float, float] | None = None,
+    choices: tuple[str, ...] | None = None,
+    effect: Effect = "next frame",
+    label: str = "",
+) -> Any:
+    """Declare a parameter field; its help text is the docstring below the field."""
+    meta = dict(unit=unit, lo=lo, hi=hi, soft=soft, choices=choices, effect=effect, label=label)
+    return field(default=default, metadata={"param": meta})
+
+
+@cache
+def field_docs(cls: type) -> Mapping[str, str]:
+    """Docstrings written under the fields of a dataclass, by field name."""
+    try:
+        source = textwrap.dedent(inspect.getsource(cls))
+    except (OSError, TypeError):
+        return {}
+    docs: dict[str, str] = {}
+    for base in reversed(cls.__mro__[1:]):
+        if is_dataclass(base):
+            docs |= field_docs(base)
+    body = next(n for n in ast.parse(source).body if isinstance(n, ast.ClassDef)).body
+    for node, after in zip(body, body[1:], strict=False):
+        if (
+            isinstance(node, ast.AnnAssign)
+            and isinstance(node.target, ast.Name)
+            and isinstance(after, ast.Expr)
+            and isinstance(after.value, ast.Constant)
+            and isinstance(after.value.value, str)
+        ):
+            docs[node.target.id] = inspect.cleandoc(after.value.value)
+    return docs
+
+
+def _children(obj: Any) -> Iterator[tuple[str, Any]]:
+    if isinstance(obj, Mapping):
+        yield from ((str(k), v) for k, v in obj.items())
+    elif is_dataclass(obj):
+        yield from ((f.name, getattr(obj, f.name)) for f in fields(obj) if f.init)
+
+
+def schema(obj: Any, prefix: str = "") -> list[Spec]:
+    """All parameters below `obj`, depth first in the order of their declaration."""
+    out: list[Spec] = []
+    declared = {}
+    if is_dataclass(obj):
+        declared = {f.name: f.metadata["param"] for f in fields(obj) if "param" in f.metadata}
+    for name, value in _children(obj):
+        path = f"{prefix}.{name}" if prefix else name
+        if name in declared:
+            meta = declared[name]
+            text = field_docs(type(obj)).get(name, "")
+            label = meta["label"] or name.replace("_", " ")
+            rest = {k: v for k, v in meta.items() if k != "label"}
+            out.append(Spec(path=path, name=name, value=value, help=text, label=label, **rest))
+        elif is_dataclass(value) or isinstance(value, Mapping):
+            out.extend(schema(value, path))
+    return out
+
+
+def get(obj: Any, path: str) -> Any:
+    """The value at `path`; raises ParamError naming the part that does not exist."""
+    at = obj
+    for i, part in enumerate(path.split(".")):
+        options = dict(_children(at))
+        if part not in options:
+            where = ".".join(path.split(".")[:i]) or "the settings"
+            known = ", ".join(options) or "nothing"
+            raise ParamError(f"no parameter '{part}' in {where}: it has {known}")
+        at = options[part]
+    return at
+
+
+def put(obj: Any, path: str, value: Any) -> Any:
+    """A copy of `obj` with the value at `path` replaced, unchecked (for whole models)."""
+    head, _, tail = path.partition(".")
+    old = get(obj, head)
+    new = put(old, tail, value) if tail else value
+    if isinstance(obj, Mapping):
+        return {**obj, head: new}
+    return dataclasses.replace(obj, **{head: new})
+
+
+def replace(obj: Any, path: str, value: Any) -> Any:
+    """A copy of `obj` with the parameter at `path` set to the validated `value`."""
+    parent, _, name = path.rpartition(".")
+    owner = get(obj, parent) if parent else obj
+    get(owner, name)
+    meta = next(
+        (f.metadata.get("param") for f in fields(owner) if f.name == name)
+        if is_dataclass(owner)
+        else iter(()),
+        None,
+    )
+    if meta is None:
+        raise ParamError(f"'{path}' is not a parameter that can be edited")
+    return put(obj, path, check_value(path, value, getattr(owner, name), meta))
+
+
+def check_value(path: str, value: Any, old: Any, meta: Mapping[str, Any]) -> Any:
+    """`value` converted to the type of `old`; raises ParamError when it does not fit."""
+    unit = f" {meta['unit']}" if meta["unit"] else ""
+    if meta["choices"] is not None:
+        if value not in meta["choices"]:
+            raise ParamError(f"{path} = {value!r}: choose one of {', '.join(meta['choices'])}")
+        return value
+    if isinstance(old, bool):
+        if not isinstance(value, bool):
+            raise ParamError(f"{path} = {value!r}: give true or false")
+        return value
+    if isinstance(old, str):
+        if not isinstance(value, str) or len(value) > 4096:
+            raise ParamError(f"{path}: give a text of at most 4096 characters")
+        return value
+    if isinstance(old, tuple):
+        if not isinstance(value, (list, tuple)) or len(value) != len(old):
+            raise ParamError(f"{path} = {value!r}: give {len(old)} numbers")
+        return tuple(_number(path, v, float, meta, unit) for v in value)
+    return _number(path, value, int if isinstance(old, int) else float, meta, unit)
+
+
+def _number(path: str, value: Any, kind: type, meta: Mapping[str, Any], unit: str) -> Any:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise ParamError(f"{path} = {value!r}: give a number{unit and ' in' + unit}")
+    if not math.isfinite(value):
+        raise ParamError(f"{path} = {value}: give a finite number")
+    lo, hi = meta["lo"], meta["hi"]
+    if (lo is not None and value < lo) or (hi is not None and value > hi):
+        low = "-inf" if lo is None else f"{lo:g}"
+        high = "inf" if hi is None else f"{hi:g}"
+        raise ParamError(f"{path} = {value:g}{unit} is outside [{low}, {high}]{unit}")
+    if kind is int and value != int(value):
+        raise ParamError(f"{path} = {value:g}: give a whole number")
+    return kind(value)

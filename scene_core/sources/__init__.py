@@ -1,0 +1,1 @@
+"""Where frames come from: simulated worlds, images and recorded logs."""

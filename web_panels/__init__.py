@@ -1,0 +1,1 @@
+"""The page: panels that draw traces and post commands."""
