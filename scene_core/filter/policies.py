@@ -73,10 +73,31 @@ class Management:
     """It is deleted when fewer of its matches passed the gate."""
     delete_known: bool = param(False, label="Delete known")
     """Whether features given at the start may be deleted too (SceneLib does)."""
-    linearity: float = param(0.1, lo=0.0, hi=1.0, soft=(0.01, 0.5), label="Linearity, max")
-    """Inverse depth becomes a Euclidean point below this linearity index (0: never)."""
     min_speed: float = param(0.0, unit="m/s", lo=0.0, hi=10.0, soft=(0.0, 1.0), label="Speed, min")
     """No automatic initialisation below this speed of the robot (SceneLib: 0.2)."""
+
+
+@dataclass(frozen=True)
+class Vision:
+    """How image patches are detected and matched; only used where the input is images."""
+
+    patch_px: int = param(13, unit="px", lo=5, hi=41, soft=(7, 25), effect="next feature", label="Patch size")
+    """Side of the square template, odd."""
+    ncc_min: float = param(0.8, lo=0.0, hi=1.0, soft=(0.5, 0.98), label="NCC, min")
+    """A peak of the normalised cross-correlation below this is no match."""
+    corner_min: float = param(8.0, lo=0.0, hi=1000.0, soft=(0.0, 40.0), label="Corner, min")
+    """Smallest Shi-Tomasi score of a new feature: square root of the smaller eigenvalue of the
+    mean gradient matrix over the patch, grey levels per pixel."""
+    separation_px: int = param(14, unit="px", lo=1, hi=200, soft=(4, 60), label="Separation")
+    """A new feature keeps this distance from all predicted ones."""
+    border_px: int = param(16, unit="px", lo=1, hi=200, soft=(8, 60), label="Border")
+    """No new feature nearer than this to the border of the image."""
+    max_radius_px: int = param(60, unit="px", lo=4, hi=400, soft=(10, 120), label="Search, max")
+    """An ellipse is not searched farther than this from its centre."""
+    warp: bool = param(True, label="Warp patches")
+    """Predict the patch's appearance from the change of view before searching."""
+    subpixel: bool = param(True, label="Sub-pixel")
+    """Interpolate the correlation peak."""
 
 
 @dataclass(frozen=True)
@@ -89,3 +110,4 @@ class Policies:
     gate: Gate = field(default_factory=Gate)
     update: Update = field(default_factory=Update)
     management: Management = field(default_factory=Management)
+    vision: Vision = field(default_factory=Vision)

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from scene_core.arrays import Mat, Vec
+from scene_core.filter.policies import Vision
 
 
 @dataclass(frozen=True)
@@ -151,17 +152,19 @@ class Source(Protocol):
         with a clear sentence when the frame can not be read."""
         ...
 
-    def search(self, frame: Frame, query: Query) -> Sequence[Match]:
+    def search(self, frame: Frame, query: Query, vision: Vision) -> Sequence[Match]:
         """One answer per queried label, in order."""
         ...
 
     def detect(
-        self, frame: Frame, mount: str, occupied: Occupied, count: int
+        self, frame: Frame, mount: str, occupied: Occupied, count: int, vision: Vision
     ) -> Sequence[Detection]:
         """Up to `count` new landmarks of a mount, best first."""
         ...
 
-    def appearance_at(self, frame: Frame, mount: str, z: Vec) -> Detection | None:
+    def appearance_at(
+        self, frame: Frame, mount: str, z: Vec, vision: Vision
+    ) -> Detection | None:
         """A landmark at a place somebody pointed at; None when there is nothing to recognise."""
         ...
 

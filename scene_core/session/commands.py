@@ -1,0 +1,99 @@
+"""What may be asked of a running session: small immutable values, posted from any thread."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+
+@dataclass(frozen=True)
+class Transport:
+    """Play, pause and single steps; acts between phases."""
+
+    action: Literal["play", "pause", "toggle", "step frame", "step phase", "back", "redo", "reset"]
+
+
+@dataclass(frozen=True)
+class Seek:
+    """Go to the end of a frame of the kept history."""
+
+    frame: int
+
+
+@dataclass(frozen=True)
+class SetSpeed:
+    """Target speed as a multiple of real time; inf: as fast as possible."""
+
+    factor: float
+
+
+@dataclass(frozen=True)
+class SetParam:
+    """Edit one parameter: a path below the experiment, e.g.
+    estimator.robots.cam.motion.sd_accel or source.mounts.camera.sensor.sd_px."""
+
+    path: str
+    value: Any
+
+
+@dataclass(frozen=True)
+class Undo:
+    """Take the last parameter edit back."""
+
+
+@dataclass(frozen=True)
+class Redo:
+    """Do the last undone edit again."""
+
+
+@dataclass(frozen=True)
+class ResetParams:
+    """All parameters as the scenario has them."""
+
+
+@dataclass(frozen=True)
+class SwapModel:
+    """Replace a model or a policy's kind: role is a path below the experiment that holds a model
+    (estimator.robots.cam.motion, estimator.mounts.camera.sensor, estimator.policies.landmark),
+    name one of the registry's names."""
+
+    role: str
+    name: str
+
+
+@dataclass(frozen=True)
+class LoadPreset:
+    """Start another scenario."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Select:
+    """Select a feature for the whole page; None clears the selection."""
+
+    label: int | None
+
+
+@dataclass(frozen=True)
+class InitialiseAt:
+    """Start a feature where somebody clicked; the click carries the frame it was made on."""
+
+    mount: str
+    z: tuple[float, ...]
+    frame: int
+
+
+Command = (
+    Transport
+    | Seek
+    | SetSpeed
+    | SetParam
+    | Undo
+    | Redo
+    | ResetParams
+    | SwapModel
+    | LoadPreset
+    | Select
+    | InitialiseAt
+)

@@ -1,0 +1,89 @@
+"""One description of an experiment, complete enough to repeat it bit for bit.
+
+What `userData.m` was in the toolbox: robots, mounts, instruments, landmarks, policies, the source
+of the measurements and the seed, as a tree of frozen dataclasses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from scene_core.filter.policies import Policies
+from scene_core.filter.ports import Source
+from scene_core.models.base import InternalMeasurementModel, MotionModel, Sensor
+
+
+@dataclass(frozen=True)
+class RobotSettings:
+    """What the estimator believes of a robot at the start."""
+
+    motion: MotionModel
+    start: Mapping[str, float]
+    """Initial mean by state label; a missing label is 0 (qw: 1)."""
+    start_sd: Mapping[str, float] = field(default_factory=dict)
+    """Initial standard deviation by state label; orientation in 3-D as rx, ry, rz (rotation vector
+    in the robot's frame, rad). Missing: known exactly."""
+    calib_sd: Mapping[str, float] = field(default_factory=dict)
+    """Calibration labels to estimate, with their initial standard deviation."""
+
+
+@dataclass(frozen=True)
+class MountSettings:
+    """A sensor on a robot, as the estimator believes it."""
+
+    sensor: Sensor
+    robot: str
+    pose: tuple[float, ...]
+    """x_RS in the sensor's space."""
+    hook: str = "base"
+    pose_sd: Mapping[str, float] = field(default_factory=dict)
+    """Not empty: the pose is estimated; labels as in RobotSettings.start_sd."""
+    calib_sd: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class InstrumentSettings:
+    """An internal measurement of a robot."""
+
+    robot: str
+    model: InternalMeasurementModel
+
+
+@dataclass(frozen=True)
+class KnownFeature:
+    """A landmark given at the start."""
+
+    position: tuple[float, ...]
+    appearance: Any
+    """An identity, or the path of an image patch."""
+    sd: float = 0.0
+    """Standard deviation of every coordinate."""
+
+
+@dataclass(frozen=True)
+class EstimatorSettings:
+    """Everything the filter believes and chooses."""
+
+    robots: Mapping[str, RobotSettings]
+    mounts: Mapping[str, MountSettings]
+    policies: Policies
+    instruments: Mapping[str, InstrumentSettings] = field(default_factory=dict)
+    known: tuple[KnownFeature, ...] = ()
+    up: str = "z"
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """An estimator, a source of measurements, and a seed."""
+
+    name: str
+    about: str
+    """One sentence: what to look at."""
+    estimator: EstimatorSettings
+    source: Source
+    """A frozen dataclass: Simulation, ImageSequence, Mrclam. Its parameters are the Truth tab."""
+    seed: int = 0
+    frames: int | None = None
+    """Stop here; None: when the source ends."""
