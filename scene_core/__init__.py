@@ -1,1 +1,1 @@
-"""EKF-SLAM as a library: models, filter, sources of data and sessions, complete without the page."""
+"""EKF-SLAM as a library: models, filter, sources of data and sessions; complete without a page."""

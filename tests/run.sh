@@ -1,0 +1,49 @@
+#!/usr/bin/env bash
+# All tests, as `make test` runs them: two workers for the most part, then the browser tests one by
+# one, because a page rendered in software wants both cores. Arguments go to pytest.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+python=.venv/bin/python
+chromium=${CHROMIUM:-/usr/bin/chromium}
+install="apt-get update && apt-get install -y --no-install-recommends chromium"
+logs=$(mktemp -d)
+trap 'rm -rf "$logs"' EXIT
+
+if [[ ! -x $chromium && -z ${CHROMIUM:-} && $(id -u) == 0 ]] && command -v apt-get >/dev/null; then
+  echo "Installing chromium for the browser tests ..."
+  DEBIAN_FRONTEND=noninteractive bash -c "$install" >"$logs/apt" 2>&1 || tail -n 5 "$logs/apt" >&2
+fi
+
+status=0
+run() { # run NAME pytest-arguments...
+  local name=$1 code=0
+  shift
+  "$python" -m pytest --durations=8 --durations-min=2 "$@" | tee "$logs/$name" || code=$?
+  # 5: nothing collected, which is no failure where the arguments chose the tests.
+  [[ $code == 0 || ($code == 5 && -n $chosen) ]] || status=1
+}
+chosen=$*
+
+run main -m "not browser" -n 2 "$@"
+if [[ -x $chromium ]]; then
+  run browser -m browser "$@" -n 0
+fi
+
+# One line that counts everything, in pytest's own form, for whoever reads only the end.
+tail -qn 1 "$logs"/main "$logs"/browser 2>/dev/null | awk '
+  { for (i = 2; i <= NF; i++) {
+      word = $i; sub(/,$/, "", word); sub(/^error$/, "errors", word)
+      if ($(i - 1) == "in") seconds += word
+      else if ($(i - 1) ~ /^[0-9]+$/ && word != "deselected") { if (!(word in n)) order[++k] = word; n[word] += $(i - 1) } } }
+  END { for (j = 1; j <= k; j++) line = line (j > 1 ? ", " : "") n[order[j]] " " order[j]
+        printf "\nAll together:\n===== %s in %.2fs =====\n", line, seconds }'
+
+if [[ ! -x $chromium ]]; then
+  printf '\n%s\n' \
+    "##########  THE BROWSER TESTS DID NOT RUN: there is no $chromium  ##########" \
+    "Install it as root:  $install" \
+    "or name another Chromium:  CHROMIUM=/path/to/chromium make test"
+  [[ ${CI:-} != true ]] || status=1
+fi
+exit "$status"
