@@ -1,4 +1,4 @@
-"""Central differences: the fallback for a Jacobian nobody wrote, and the judge of those somebody did."""
+"""Central differences: stand in for a Jacobian nobody wrote, and judge those somebody did."""
 
 from __future__ import annotations
 
