@@ -1,0 +1,73 @@
+"""What a panel is, and the state of the page that all panels share.
+
+A panel is made with the `Page` (sensor panes also with their mount), built once inside its tab and
+then rendered from whatever the session last published. The view thread alone calls `build` and
+`render`; a widget's callback is `async def`, ignores events without a client (`event.client_id is
+None`: those are our own assignments) and only posts a command or changes the page.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+import viser
+
+from scene_core.session.commands import Command
+from scene_core.session.published import Published
+
+Post = Callable[[Command], None]
+"""Hands a command to the session; safe from any thread."""
+
+
+class Panel(Protocol):
+    """One part of the page."""
+
+    rate_hz: float
+    """At most this many renderings a second: map 30, images 10 to 15, text and plots 5."""
+
+    def build(self, server: viser.ViserServer, post: Post) -> None:
+        """Add the widgets, to `server.gui`, inside the context of the panel's tab. Called once."""
+        ...
+
+    def render(self, p: Published) -> None:
+        """Draw all of `p`; called when the session or the page changed, never twice at a time.
+
+        `p.trace` is None before the first frame. When `p.run` differs from the last call another
+        scenario was loaded or the run was reset: whatever was cached from before is void. An
+        exception is reported on the page and does not stop the other panels.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Look:
+    """How everything is drawn; the View tab edits it."""
+
+    confidence: float = 0.95
+    """Probability content of ellipsoids and ellipses of the map."""
+    colour: Literal["verdict", "correlation"] = "verdict"
+    """Features by their verdict, or by their correlation with the selected one."""
+    truth: bool = True
+    room: bool = True
+    trajectories: bool = True
+    rays: bool = True
+    labels: bool = True
+    """Labels of features near the robot; the selected one always has one."""
+    follow: bool = False
+    dark: bool = True
+    large: bool = False
+    """Large type, for projectors."""
+
+
+@dataclass
+class Page:
+    """Shared by all panels: one immutable `look`, replaced as a whole from any thread."""
+
+    look: Look = field(default_factory=Look)
+
+    def change(self, **fields: object) -> None:
+        """Replace fields of the look; everything is drawn again."""
+        self.look = dataclasses.replace(self.look, **fields)  # type: ignore[arg-type]
