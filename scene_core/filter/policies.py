@@ -81,7 +81,9 @@ class Management:
 class Vision:
     """How image patches are detected and matched; only used where the input is images."""
 
-    patch_px: int = param(13, unit="px", lo=5, hi=41, soft=(7, 25), effect="next feature", label="Patch size")
+    patch_px: int = param(
+        13, unit="px", lo=5, hi=41, soft=(7, 25), effect="next feature", label="Patch size"
+    )
     """Side of the square template, odd."""
     ncc_min: float = param(0.8, lo=0.0, hi=1.0, soft=(0.5, 0.98), label="NCC, min")
     """A peak of the normalised cross-correlation below this is no match."""

@@ -162,9 +162,7 @@ class Source(Protocol):
         """Up to `count` new landmarks of a mount, best first."""
         ...
 
-    def appearance_at(
-        self, frame: Frame, mount: str, z: Vec, vision: Vision
-    ) -> Detection | None:
+    def appearance_at(self, frame: Frame, mount: str, z: Vec, vision: Vision) -> Detection | None:
         """A landmark at a place somebody pointed at; None when there is nothing to recognise."""
         ...
 

@@ -188,8 +188,16 @@ class World:
 
     def mount_calib(self, mount: str) -> Vec:
         m = self.mounts[mount]
-        return self.gauss.mean(m.calib_block) if m.calib_block in self.gauss.layout else m.sensor.calib0
+        return (
+            self.gauss.mean(m.calib_block)
+            if m.calib_block in self.gauss.layout
+            else m.sensor.calib0
+        )
 
     def robot_calib(self, robot: str) -> Vec:
         r = self.robots[robot]
-        return self.gauss.mean(r.calib_block) if r.calib_block in self.gauss.layout else r.motion.calib0
+        return (
+            self.gauss.mean(r.calib_block)
+            if r.calib_block in self.gauss.layout
+            else r.motion.calib0
+        )

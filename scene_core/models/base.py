@@ -240,9 +240,7 @@ class MotionModel(ABC):
         """A state of this model for a robot known only by its position state (live swap)."""
 
     @abstractmethod
-    def f_noisy(
-        self, xv: Vec, u: Vec, dt: float, k: Vec, rng: np.random.Generator
-    ) -> Vec:
+    def f_noisy(self, xv: Vec, u: Vec, dt: float, k: Vec, rng: np.random.Generator) -> Vec:
         """The process with its own noise: simulation only."""
 
     def navigate(self, xv: Vec, goal: Vec, dt: float) -> Vec | None:

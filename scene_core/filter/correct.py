@@ -1,0 +1,129 @@
+"""The measurement update: all accepted matches at once, or one after the other.
+
+Stacked: one linearisation, H of all accepted matches. Sequential: after each match h, H and S are
+computed again at the new state (the search is done once), and the gate is applied to the new d2.
+
+Source: Davison, Scene 1.0 (stacked); Solà, toolbox, `correctKnownLmks` (sequential).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from scene_core.arrays import Mat
+from scene_core.filter.associate import judge
+from scene_core.filter.gaussian import Rows, Workspace
+from scene_core.filter.observe import groups, innovation_covariance, observe, rows, sensor_state
+from scene_core.filter.ports import Match
+from scene_core.filter.predict import normalise_robots
+from scene_core.filter.records import Association
+from scene_core.filter.world import Feature, Gaussian, Label, World
+
+
+def correct(
+    world: World, mount: str, matches: Sequence[Match], verdicts: Sequence[Association]
+) -> tuple[World, tuple[Association, ...], dict[str, float]]:
+    """The world after the update, the final verdicts, and the numbers of the update."""
+    work = Workspace(world.gauss)
+    found = [m for m in matches if m.z is not None]
+    trace = float(np.trace(work.P))
+    if world.policies.update.kind == "sequential":
+        final = _sequential(work, world, mount, found)
+    else:
+        final = {a.label: a for a in verdicts if a.z is not None}
+        _stacked(work, world, mount, found, final)
+    normalise_robots(work, world)
+    normalise_features(work, world, [a.label for a in final.values() if a.verdict == "accepted"])
+    verdicts = tuple(final.get(a.label, a) for a in verdicts)
+    numbers = {
+        "accepted": float(sum(a.verdict == "accepted" for a in verdicts)),
+        "trace P before": trace,
+        "trace P after": float(np.trace(work.P)),
+    }
+    features = counted(world, verdicts)
+    return replace(world, gauss=work.seal(), features=features), verdicts, numbers
+
+
+def noise(match: Match, R: Mat) -> Mat:
+    """The measurement's own covariance, else the sensor's."""
+    return R if match.R is None else match.R
+
+
+def _stacked(
+    work: Workspace,
+    world: World,
+    mount: str,
+    found: Sequence[Match],
+    verdicts: dict[Label, Association],
+) -> None:
+    accepted = {m.label: m for m in found if verdicts[m.label].verdict == "accepted"}
+    if not accepted:
+        return
+    at = sensor_state(world, mount)
+    sensor = at.mount.sensor
+    parts: list[Rows] = []
+    nus, Rs = [], []
+    for group in groups(world, list(accepted)):
+        seen = observe(at, group, work.x)
+        parts.append(rows(at, seen))
+        R = sensor.R(seen.h)
+        for i, label in enumerate(group.labels):
+            match = accepted[label]
+            assert match.z is not None
+            nus.append(sensor.nu(seen.h[i], match.z).nu)
+            Rs.append(noise(match, R[i]))
+    work.update(parts, np.concatenate(nus), np.array(Rs))
+
+
+def _sequential(
+    work: Workspace, world: World, mount: str, found: Sequence[Match]
+) -> dict[Label, Association]:
+    final: dict[Label, Association] = {}
+    confidence = world.policies.gate.confidence
+    for match in found:
+        gauss = Gaussian(work.x, work.P, work.layout)
+        at = sensor_state(world, mount, gauss)
+        group = groups(world, [match.label])[0]
+        seen = observe(at, group, work.x)
+        R = noise(match, at.mount.sensor.R(seen.h)[0])
+        S = innovation_covariance(work.P, at, seen)[0] + R
+        verdict = judge(at.mount, match, seen.h[0], S, confidence)
+        final[match.label] = verdict
+        if verdict.verdict == "accepted":
+            assert verdict.nu is not None
+            work.update([rows(at, seen)], verdict.nu, R)
+            normalise_robots(work, world)
+            normalise_features(work, world, [match.label])
+    return final
+
+
+def normalise_features(work: Workspace, world: World, labels: Sequence[Label]) -> None:
+    """Put the given features back on their constraints."""
+    for group in groups(world, labels):
+        result = group.model.normalise(work.x[group.columns])
+        if result is None:
+            continue
+        for i, columns in enumerate(group.columns):
+            if not np.array_equal(result.value[i], work.x[columns]):
+                J = None if result.jacobian is None else result.jacobian[i]
+                work.set_block(columns, result.value[i], J)
+
+
+def counted(world: World, verdicts: Sequence[Association]) -> dict[Label, Feature]:
+    """Features with their counters of searches, matches and updates advanced."""
+    features = dict(world.features)
+    for a in verdicts:
+        if a.verdict == "not selected":
+            continue
+        f = features[a.label]
+        features[a.label] = replace(
+            f,
+            attempts=f.attempts + 1,
+            matches=f.matches + (a.z is not None),
+            updates=f.updates + (a.verdict == "accepted"),
+            misses=0 if a.z is not None else f.misses + 1,
+        )
+    return features
