@@ -108,8 +108,6 @@ label{letter-spacing:0!important}
 """Put on the page once; every `add_html` of every panel is styled by it."""
 
 LARGE_TYPE = "<style>.e{zoom:1.25}.mantine-Button-label,label{font-size:15px!important}</style>"
-    "<style>.e{font-size:16px}.e .h,.e th{font-size:13px}.e .lg,.e .m{font-size:14px}</style>"
-)
 """Follows the style sheet when the View tab asks for large type."""
 
 UPLOT_AXIS: Mapping[str, object] = dict(
