@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import dataclasses
 import inspect
+import itertools
 import math
 import textwrap
 from collections.abc import Iterator, Mapping
@@ -72,7 +73,7 @@ def field_docs(cls: type) -> Mapping[str, str]:
         if is_dataclass(base):
             docs |= field_docs(base)
     body = next(n for n in ast.parse(source).body if isinstance(n, ast.ClassDef)).body
-    for node, after in zip(body, body[1:], strict=False):
+    for node, after in itertools.pairwise(body):
         if (
             isinstance(node, ast.AnnAssign)
             and isinstance(node.target, ast.Name)

@@ -146,9 +146,8 @@ def innovation_covariance(P: Mat, sensor_at: SensorState, seen: Observed) -> Mat
     P_ff = P[fc[:, :, None], fc[:, None, :]]
     Hft = Hf.transpose(0, 2, 1)
     cross = (Hs @ P_sf) @ Hft
-    return (
-        (Hs @ P_ss) @ Hs.transpose(0, 2, 1) + cross + cross.transpose(0, 2, 1) + (Hf @ P_ff) @ Hft
-    )
+    E = (Hs @ P_ss) @ Hs.transpose(0, 2, 1) + cross + cross.transpose(0, 2, 1) + (Hf @ P_ff) @ Hft
+    return 0.5 * (E + E.transpose(0, 2, 1))
 
 
 def predictions(world: World, mount_id: str) -> tuple[Predictions, ...]:
@@ -208,9 +207,8 @@ def warps(world: World, at: SensorState, labels: Sequence[Label], step: float = 
     A surface element facing the first view is assumed: the pixels z0 and z0 + step along each axis
     are put on the plane through the feature perpendicular to its first ray, and projected here.
     """
-    out = np.empty(
-        (len(labels), at.mount.sensor.measurement_size) + (at.mount.sensor.measurement_size,)
-    )
+    m = at.mount.sensor.measurement_size
+    out = np.empty((len(labels), m, m))
     place = {label: i for i, label in enumerate(labels)}
     for group in groups(world, labels):
         features = [world.features[label] for label in group.labels]

@@ -89,7 +89,7 @@ class Query:
     """Search where (z - h)' S^-1 (z - h) < gate."""
     appearance: tuple[Any, ...]
     warp: Mat
-    """(N, m, m): local affine map from the first view to this one (identity without a prediction)."""
+    """(N, m, m): local affine map from the first view to this one."""
 
 
 @dataclass(frozen=True)

@@ -87,7 +87,7 @@ class Gaussian:
 
 @dataclass(frozen=True)
 class Robot:
-    """A moving thing. Block robot:<id>; robot:<id>:calib exists iff its calibration is estimated."""
+    """A moving thing: block robot:<id>, and robot:<id>:calib iff its calibration is estimated."""
 
     id: str
     motion: MotionModel
@@ -187,6 +187,7 @@ class World:
         return self.gauss.mean(m.pose_block) if m.pose_block in self.gauss.layout else m.pose
 
     def mount_calib(self, mount: str) -> Vec:
+        """Calibration of a mount's sensor, estimated or nominal."""
         m = self.mounts[mount]
         return (
             self.gauss.mean(m.calib_block)
@@ -195,6 +196,7 @@ class World:
         )
 
     def robot_calib(self, robot: str) -> Vec:
+        """Calibration of a robot's motion model, estimated or nominal."""
         r = self.robots[robot]
         return (
             self.gauss.mean(r.calib_block)
