@@ -1,0 +1,117 @@
+"""Who drives a simulated robot: nominal controls from its true state and the frame's number.
+
+A driver is a value. What it has to remember from frame to frame (the waypoint it is heading for)
+travels with the simulation's state, so a frame can be repeated and stepped back.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from scene_core.arrays import Vec
+from scene_core.models.base import MotionModel
+from scene_core.params import param
+
+
+class Drive(NamedTuple):
+    """What the driver does over the coming interval."""
+
+    u: Vec
+    """Nominal controls (nu,), in the order of the motion model's control_labels."""
+    memory: Any
+    """What the driver wants to know in the next frame."""
+    push: Vec | None = None
+    """Added to the true state (n,) before the motion model moves it: the disturbance a driver
+    chooses itself. None: the motion model draws its own noise."""
+
+
+class Driver(ABC):
+    """Nominal controls of a true robot."""
+
+    name: ClassVar[str]
+    """The word the settings file uses."""
+
+    def memory0(self) -> Any:
+        """What the driver knows before the first frame."""
+        return None
+
+    def start(self, motion: MotionModel, dt: float) -> Mapping[str, float]:
+        """State components by label the driver wants the robot to start with; none unless
+        overridden. The robot's own start is applied on top."""
+        return {}
+
+    @abstractmethod
+    def drive(
+        self, motion: MotionModel, xv: Vec, memory: Any, index: int, dt: float, seed: int
+    ) -> Drive:
+        """What happens in the dt seconds before frame `index` to a robot that is truly at xv.
+        Pure: equal arguments give an equal answer."""
+
+
+@dataclass(frozen=True)
+class ConstantControls(Driver):
+    """The same controls in every frame: with dx = .08 m and az = .9 deg, the toolbox's circle."""
+
+    name: ClassVar[str] = "constant"
+    controls: Mapping[str, float] = field(default_factory=dict)
+    """By control label, in the motion model's units; a missing one is zero."""
+
+    def drive(
+        self, motion: MotionModel, xv: Vec, memory: Any, index: int, dt: float, seed: int
+    ) -> Drive:
+        return Drive(controls_of(motion, self.controls), memory)
+
+
+@dataclass(frozen=True)
+class Waypoints(Driver):
+    """Drives from waypoint to waypoint for ever, as the motion model itself knows how to."""
+
+    name: ClassVar[str] = "waypoints"
+    points: tuple[tuple[float, ...], ...] = ()
+    """Positions in the robot's space, in m; after the last one comes the first."""
+
+    def memory0(self) -> Any:
+        return 0
+
+    def drive(
+        self, motion: MotionModel, xv: Vec, memory: Any, index: int, dt: float, seed: int
+    ) -> Drive:
+        for ahead in range(len(self.points)):
+            goal = (memory + ahead) % len(self.points)
+            u = motion.navigate(xv, np.array(self.points[goal], dtype=float), dt)
+            if u is not None:
+                return Drive(u, goal)
+        return Drive(np.zeros(len(motion.control_labels)), memory)
+
+
+@dataclass(frozen=True)
+class Shuttle(Driver):
+    """Back and forth between two places on a line, at constant speed."""
+
+    name: ClassVar[str] = "shuttle"
+    low: float = param(-2.5, unit="m", lo=-1e4, hi=1e4, soft=(-10.0, 0.0))
+    """Turns round here."""
+    high: float = param(2.5, unit="m", lo=-1e4, hi=1e4, soft=(0.0, 10.0))
+    """And here."""
+    speed: float = param(0.5, unit="m/s", lo=0.0, hi=100.0, soft=(0.0, 2.0))
+    """Nominal speed."""
+
+    def memory0(self) -> Any:
+        return 1.0
+
+    def drive(
+        self, motion: MotionModel, xv: Vec, memory: Any, index: int, dt: float, seed: int
+    ) -> Drive:
+        z = motion.space.position(motion.xp(xv).xp)[0]
+        direction = -1.0 if z >= self.high else 1.0 if z <= self.low else memory
+        return Drive(controls_of(motion, {"v": direction * self.speed}), direction)
+
+
+def controls_of(motion: MotionModel, by_label: Mapping[str, float]) -> Vec:
+    """Controls u (nu,) of a motion model from values by label; missing ones are zero."""
+    return np.array([float(by_label.get(s, 0.0)) for s in motion.control_labels])

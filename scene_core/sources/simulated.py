@@ -1,0 +1,309 @@
+"""A simulated experiment: true robots, sensors and landmarks that the estimator never sees.
+
+Nothing here is shared with the estimator's settings: a model can be made wrong on purpose. The
+rule of a frame: first the true robots move over dt, then the sensors measure where they are now.
+Frame 0 is measured at the start, with dt = 0 and no controls.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from scene_core.arrays import Vec, frozen
+from scene_core.filter.policies import Vision
+from scene_core.filter.ports import (
+    Control,
+    Detection,
+    Frame,
+    Match,
+    Occupied,
+    Points,
+    Query,
+    Raw,
+    SourceError,
+    Truth,
+)
+from scene_core.geometry import quaternion
+from scene_core.geometry.spaces import Space, embed, embed_points
+from scene_core.params import param
+from scene_core.sources import noise, points
+from scene_core.sources.truth import (
+    Disturbances,
+    SimulationState,
+    TrueInstrument,
+    TrueMount,
+    TrueRobot,
+)
+from scene_core.sources.worlds import SimulatedWorld, landmarks
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A world that is computed; implements the port `Source`."""
+
+    world: SimulatedWorld
+    robots: Mapping[str, TrueRobot]
+    mounts: Mapping[str, TrueMount]
+    instruments: Mapping[str, TrueInstrument] = field(default_factory=dict)
+    disturbances: Disturbances = field(default_factory=Disturbances)
+    dt: float = param(0.1, unit="s", lo=1e-4, hi=100.0, effect="on reset", label="Frame time")
+    """Seconds between frames."""
+    up: str = param("z", choices=("z", "y"), effect="on reset")
+    """Which world axis points up."""
+    seed: int = 0
+    """Every random number is keyed by this, its purpose and the frame."""
+
+    @property
+    def frame_count(self) -> int | None:
+        return None
+
+    @property
+    def frame_rate(self) -> float:
+        return 1.0 / self.dt
+
+    def start(self) -> SimulationState:
+        xv = {i: frozen(self._start(i, robot)) for i, robot in self.robots.items()}
+        memory = {i: robot.driver.memory0() for i, robot in self.robots.items()}
+        return SimulationState(xv, memory, xv)
+
+    def advance(self, state: SimulationState, index: int) -> tuple[Frame, SimulationState]:
+        controls: dict[str, tuple[Control, ...]] = {}
+        if index > 0:
+            state, controls = self._moved(state, index)
+        raw: dict[str, Raw] = {
+            i: self._measured(i, state, index)
+            for i, mount in self.mounts.items()
+            if index % mount.every == 0
+        }
+        frame = Frame(
+            index=index,
+            time=index * self.dt,
+            dt=self.dt if index > 0 else 0.0,
+            controls=controls,
+            raw=raw,
+            internal={i: self._felt(i, state, index) for i in self.instruments},
+            truth=self._truth(state),
+        )
+        return frame, state
+
+    def search(self, frame: Frame, query: Query, vision: Vision) -> Sequence[Match]:
+        raw = self._raw(frame, query.mount)
+        matches = points.match_identities(raw, query)
+        truth = self._true_measurements(frame, query)
+        return [
+            match if match.z is None else replace(match, true_z=z)
+            for match, z in zip(matches, truth, strict=True)
+        ]
+
+    def detect(
+        self, frame: Frame, mount: str, occupied: Occupied, count: int, vision: Vision
+    ) -> Sequence[Detection]:
+        raw = self._raw(frame, mount)
+        m = self.mounts[mount]
+        return points.detect_identities(raw, occupied, count, m.margin, m.sensor.limits)
+
+    def appearance_at(self, frame: Frame, mount: str, z: Vec, vision: Vision) -> Detection | None:
+        """The measured point nearest to z, within a twentieth of the sensor's range."""
+        raw = self._raw(frame, mount)
+        found = points.nearest_identity(raw, z)
+        sensor = self.mounts[mount].sensor
+        span = np.array([high - low for low, high in sensor.limits])
+        if found is None or np.linalg.norm(sensor.nu(z, found.z).nu / span) > 0.05:
+            return None
+        return found
+
+    def outline(self) -> Vec:
+        """Segments (M, 2, 3) in world axes that show the place on the map."""
+        segments = self.world.outline()
+        flat = embed_points(segments.reshape(-1, self.world.space.d), self.world.space, self.up)
+        return flat.reshape(-1, 2, 3)
+
+    def true_pose(self, mount: str, xv: Mapping[str, Vec]) -> Vec:
+        """Pose x_WS of a sensor when the robots are truly at xv, in the sensor's space."""
+        m = self.mounts[mount]
+        motion, space = self.robots[m.robot].motion, m.sensor.space
+        xp = motion.xp(xv[m.robot], m.hook).xp
+        if motion.space is not space:
+            xp = embed(xp, motion.space, self.up)[0]
+        return space.compose(xp, np.array(m.pose, dtype=float)).x
+
+    def true_calib(self, mount: str) -> Vec:
+        """True calibration of a sensor."""
+        m = self.mounts[mount]
+        return _calibrated(m.sensor.calib_labels, m.sensor.calib0, m.calib)
+
+    def true_states(self, frame: Frame) -> Mapping[str, Vec]:
+        """States xv of the true robots in a frame, from its truth."""
+        labels = frame.truth.labels if frame.truth else {}
+        return {
+            i: np.array([labels[f"robot:{i}"][s] for s in robot.motion.state_labels])
+            for i, robot in self.robots.items()
+        }
+
+    def _start(self, name: str, robot: TrueRobot) -> Vec:
+        motion = robot.motion
+        by_label = {**robot.driver.start(motion, self.dt), **robot.start}
+        xv = np.array([by_label.get(s, 1.0 if s == "qw" else 0.0) for s in motion.state_labels])
+        xv = motion.normalise(xv).value
+        rng = noise.rng(self.seed, f"start:{name}")
+        for at, label in enumerate(motion.state_labels):
+            xv[at] += robot.start_sd.get(label, 0.0) * rng.standard_normal()
+        if "qw" in motion.state_labels:
+            at = motion.state_labels.index("qw")
+            turn = [robot.start_sd.get(s, 0.0) * rng.standard_normal() for s in ("rx", "ry", "rz")]
+            step = quaternion.from_rotation_vector(np.array(turn))[0]
+            xv[at : at + 4] = quaternion.product(xv[at : at + 4], step)
+        return motion.normalise(xv).value
+
+    def _robot_calib(self, robot: TrueRobot) -> Vec:
+        return _calibrated(robot.motion.calib_labels, robot.motion.calib0, robot.calib)
+
+    def _moved(
+        self, state: SimulationState, index: int
+    ) -> tuple[SimulationState, dict[str, tuple[Control, ...]]]:
+        """The state after the interval before frame `index`, and the controls as reported."""
+        xv, memory, controls = {}, {}, {}
+        for i, robot in self.robots.items():
+            motion, k, at = robot.motion, self._robot_calib(robot), state.xv[i]
+            drive = robot.driver.drive(motion, at, state.memory[i], index, self.dt, self.seed)
+            u = drive.u
+            if drive.push is not None:
+                moved = motion.f(at + drive.push, u, self.dt, k).fv
+            elif robot.noise_on == "controls":
+                moved = motion.f(at, u, self.dt, k).fv
+                rng = noise.rng(self.seed, f"controls:{i}", index)
+                u = u + _factor(motion.U(u, self.dt)) @ rng.standard_normal(len(u))
+            else:
+                rng = noise.rng(self.seed, f"motion:{i}", index)
+                moved = motion.f_noisy(at, u, self.dt, k, rng)
+            xv[i] = frozen(motion.normalise(moved).value)
+            memory[i] = drive.memory
+            if motion.control_labels:
+                controls[i] = (Control(self.dt, motion.control_labels, frozen(u)),)
+        return SimulationState(xv, memory, state.xv), controls
+
+    def _measured(self, mount: str, state: SimulationState, index: int) -> Raw:
+        """Noisy measurements of the landmarks that are truly visible, with their identities."""
+        sensor, ids = self.mounts[mount].sensor, landmarks(self.world)[0]
+        h, fault = self._projected(mount, state.xv)
+        there = np.flatnonzero(fault == 0)
+        pick = noise.rng(self.seed, f"misses:{mount}", index).random(len(ids))
+        there = there[pick[there] >= self.disturbances.misses]
+        X = self._in_sensor(mount, state.xv)[there]
+        rng = noise.rng(self.seed, f"measurements:{mount}", index)
+        z = sensor.h_noisy(X, self.true_calib(mount), rng) if len(there) else h[there]
+        z = self._with_outliers(mount, h[there], z, there, index)
+        z = sensor.nu(np.zeros_like(z), z).nu
+        low, high = np.array(sensor.limits).T
+        inside = ((z >= low) & (z <= high)).all(axis=1)
+        return Points(frozen(z[inside]), _read_only(ids[there][inside]))
+
+    def _with_outliers(self, mount: str, h: Vec, z: Vec, there: np.ndarray, index: int) -> Vec:
+        wrong = self.disturbances
+        if wrong.outliers == 0.0 or len(z) == 0:
+            return z
+        rng = noise.rng(self.seed, f"outliers:{mount}", index)
+        count = len(landmarks(self.world)[0])
+        hit = (rng.random(count) < wrong.outliers)[there]
+        way = rng.standard_normal((count, h.shape[1]))
+        way *= (rng.uniform(0.5, 1.5, count) / np.linalg.norm(way, axis=1))[:, None]
+        L = np.linalg.cholesky(
+            np.broadcast_to(self.mounts[mount].sensor.R(h), (*z.shape, z.shape[1]))
+        )
+        far = h + wrong.outlier_sigma * (L @ way[there][..., None])[..., 0]
+        return np.where(hit[:, None], far, z)
+
+    def _in_sensor(self, mount: str, xv: Mapping[str, Vec]) -> Vec:
+        """All landmarks as homogeneous points (K, d+1) in the frame of a sensor."""
+        space = self.mounts[mount].sensor.space
+        return space.to_local(self.true_pose(mount, xv), self._landmarks(space)).X
+
+    def _landmarks(self, space: Space) -> Vec:
+        """All landmarks as homogeneous points (K, d+1) of the world."""
+        at = landmarks(self.world)[1]
+        if self.world.space is not space:
+            if self.world.space.d > space.d:
+                raise SourceError(
+                    f"the world '{self.world.name}' is {self.world.space.name} and can not be seen "
+                    f"by a {space.name} sensor: choose a {self.world.space.name} sensor"
+                )
+            at = embed_points(at, self.world.space, self.up)
+        return np.concatenate([at, np.ones((len(at), 1))], axis=1)
+
+    def _projected(self, mount: str, xv: Mapping[str, Vec]) -> tuple[Vec, np.ndarray]:
+        """True measurements h (K, m) of all landmarks, and why some can not be measured."""
+        sensor, xws = self.mounts[mount].sensor, self.true_pose(mount, xv)
+        X = self._in_sensor(mount, xv)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            h = sensor.project(X, self.true_calib(mount)).h
+            here = np.broadcast_to(xws, (len(X), len(xws)))
+            fault = sensor.visibility(h, X, xws, here, self._landmarks(sensor.space))
+        return h, np.where(np.isfinite(h).all(axis=1), fault, 1)
+
+    def _true_measurements(self, frame: Frame, query: Query) -> Iterator[Vec | None]:
+        """Where the queried identities really are in the sensor; None for an unknown one."""
+        h, _ = self._projected(query.mount, self.true_states(frame))
+        row = {int(i): r for r, i in enumerate(landmarks(self.world)[0])}
+        for identity in query.appearance:
+            yield h[row[identity]] if identity in row else None
+
+    def _felt(self, name: str, state: SimulationState, index: int) -> Vec:
+        """An internal measurement of the true state."""
+        instrument = self.instruments[name]
+        labels = self.robots[instrument.robot].motion.state_labels
+        missing = [s for s in instrument.model.needs if s not in labels]
+        if missing:
+            raise SourceError(
+                f"instrument '{name}' needs the state component '{missing[0]}', which the true "
+                f"robot '{instrument.robot}' does not have: its state is {', '.join(labels)}"
+            )
+        needed = state.xv[instrument.robot][[labels.index(s) for s in instrument.model.needs]]
+        return frozen(instrument.model.h_noisy(needed, noise.rng(self.seed, f"felt:{name}", index)))
+
+    def _raw(self, frame: Frame, mount: str) -> Points:
+        raw = frame.raw[mount]
+        if not isinstance(raw, Points):
+            raise SourceError(
+                f"mount '{mount}' carries no identified points in frame {frame.index}"
+            )
+        return raw
+
+    def _truth(self, state: SimulationState) -> Truth:
+        xp, labels = {}, {}
+        for i, robot in self.robots.items():
+            motion, xv = robot.motion, state.xv[i]
+            xp[i] = frozen(motion.xp(xv).xp)
+            labels[f"robot:{i}"] = dict(zip(motion.state_labels, xv.tolist(), strict=True))
+            calib = self._robot_calib(robot).tolist()
+            labels[f"robot:{i}:calib"] = dict(zip(motion.calib_labels, calib, strict=True))
+        for i, mount in self.mounts.items():
+            labels[f"mount:{i}:pose"] = dict(
+                zip(mount.sensor.space.labels, mount.pose, strict=True)
+            )
+            calib = self.true_calib(i).tolist()
+            labels[f"mount:{i}:calib"] = dict(zip(mount.sensor.calib_labels, calib, strict=True))
+        ids, at = landmarks(self.world)
+        return Truth(xp=xp, labels=labels, points=frozen(at), ids=_read_only(ids))
+
+
+def _calibrated(labels: Sequence[str], nominal: Vec, true: Mapping[str, float]) -> Vec:
+    unknown = [s for s in true if s not in labels]
+    if unknown:
+        known = ", ".join(labels) or "nothing"
+        raise SourceError(f"there is no calibration '{unknown[0]}': it has {known}")
+    return np.array([true.get(s, k) for s, k in zip(labels, nominal, strict=True)], dtype=float)
+
+
+def _factor(P: Vec) -> Vec:
+    """L with L L' = P for a positive semidefinite P."""
+    values, vectors = np.linalg.eigh(P)
+    return vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+def _read_only(a: np.ndarray) -> np.ndarray:
+    out = a.copy()
+    out.flags.writeable = False
+    return out
