@@ -138,10 +138,15 @@ class Occupied:
 class Source(Protocol):
     """A world the filter looks at. Pure: the same state and index give the same answer."""
 
-    frame_count: int | None
-    """None when it has no end."""
-    frame_rate: float
-    """Nominal frames per second."""
+    @property
+    def frame_count(self) -> int | None:
+        """None when it has no end."""
+        ...
+
+    @property
+    def frame_rate(self) -> float:
+        """Nominal frames per second."""
+        ...
 
     def start(self) -> Any:
         """The state before frame 0 (immutable; None for a recording)."""
