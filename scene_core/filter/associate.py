@@ -33,6 +33,7 @@ def query(
         gate=world.policies.association.search_sigma**2,
         appearance=tuple(world.features[label].appearance for label in labels),
         warp=warp,
+        how=world.policies.association.kind,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
@@ -90,6 +90,8 @@ class Query:
     appearance: tuple[Any, ...]
     warp: Mat
     """(N, m, m): local affine map from the first view to this one."""
+    how: Literal["identity", "search"] = "search"
+    """Points: by the identity they carry, or the nearest in the gate. Images are always searched."""
 
 
 @dataclass(frozen=True)
