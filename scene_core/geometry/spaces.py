@@ -394,3 +394,10 @@ def embed_covariances(P: Mat, space: Space, up: str) -> Mat:
     """Covariances (..., d, d) of points of `space` in 3-D world axes (..., 3, 3)."""
     axes = _AXES[space.name, up]
     return axes @ P @ axes.T
+
+
+def relative(space: Space, origin: Vec, xp: Vec) -> Composed:
+    """The pose xp seen from `origin`, inverse(origin) * xp, with Jacobians by origin and by xp."""
+    back = space.inverse(origin)
+    seen = space.compose(back.x, xp)
+    return Composed(seen.x, seen.by_a @ back.jacobian, seen.by_b)
