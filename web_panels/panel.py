@@ -9,7 +9,7 @@ None`: those are our own assignments) and only posts a command or changes the pa
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
@@ -67,6 +67,8 @@ class Page:
     """Shared by all panels: one immutable `look`, replaced as a whole from any thread."""
 
     look: Look = field(default_factory=Look)
+    problems: Mapping[str, str] = field(default_factory=dict)
+    """Panels that could not be drawn, and why; the view loop keeps it, the head shows it."""
 
     def change(self, **fields: object) -> None:
         """Replace fields of the look; everything is drawn again."""

@@ -1,0 +1,134 @@
+"""The one thread that writes to the page: the latest published state, each panel at its rate."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from dataclasses import dataclass
+from typing import Protocol
+
+import viser
+
+from scene_core.session.commands import Command
+from scene_core.session.published import Published
+from web_panels.layout import Layout
+from web_panels.panel import Look, Page, Panel
+
+log = logging.getLogger(__name__)
+
+POLL_S = 0.004
+BROKEN_S = 2.0
+"""A panel that raised is tried again after this time."""
+
+
+class Session(Protocol):
+    """What the page needs of a running session."""
+
+    @property
+    def latest(self) -> Published | None: ...
+
+    def post(self, command: Command, /) -> None: ...
+
+
+@dataclass
+class Turn:
+    """When a panel was drawn, and what it showed."""
+
+    panel: Panel
+    due: float = 0.0
+    seq: int = -1
+    look: Look | None = None
+
+    def stale(self, p: Published, look: Look) -> bool:
+        return self.seq != p.seq or self.look is not look
+
+
+class ViewLoop:
+    """Builds the page when the session first has something to show, then keeps it up to date."""
+
+    def __init__(self, server: viser.ViserServer, session: Session) -> None:
+        self.server, self.session = server, session
+        self.page = Page()
+        self.layout: Layout | None = None
+        self.turns: dict[int, Turn] = {}
+        self._mounts: object = None
+        self._stop = threading.Event()
+        self.built = threading.Event()
+        """Set once the page stands."""
+        self._thread = threading.Thread(target=self._run, name="view", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread; the page stays as it is."""
+        self._stop.set()
+        self._thread.join(timeout=5.0)
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            try:
+                worked = self._turn()
+            except Exception:
+                log.exception("the page could not be drawn")
+                worked = False
+                self._stop.wait(BROKEN_S)
+            if not worked:
+                self._stop.wait(POLL_S)
+
+    def _turn(self) -> bool:
+        """Draw the panel that has waited longest; False when nothing is to be done."""
+        p = self.session.latest
+        if p is None:
+            return False
+        if self.layout is None:
+            self.layout = Layout(self.server, self.session.post, self.page)
+            self.layout.fit_sensors(p)
+            self.layout.dock()
+            self._mounts = p.experiment.estimator.mounts
+            self._draw_all(p)
+            self.built.set()
+            return True
+        if not self.server.get_clients():
+            return False
+        if p.experiment.estimator.mounts is not self._mounts:
+            self.layout.fit_sensors(p)
+            self._mounts = p.experiment.estimator.mounts
+        now, look = time.monotonic(), self.page.look
+        ready = [t for t in self._all_turns() if t.due <= now and t.stale(p, look)]
+        if not ready:
+            return False
+        self._draw(min(ready, key=lambda t: t.due), p, look)
+        if p.mode != "playing":
+            self.server.flush()
+        return True
+
+    def _draw_all(self, p: Published) -> None:
+        for turn in self._all_turns():
+            self._draw(turn, p, self.page.look)
+
+    def _all_turns(self) -> list[Turn]:
+        assert self.layout is not None
+        panels = self.layout.panels
+        self.turns = {id(x): self.turns.get(id(x)) or Turn(x) for x in panels}
+        return list(self.turns.values())
+
+    def _draw(self, turn: Turn, p: Published, look: Look) -> None:
+        """Render one panel; what goes wrong in it is shown and does not stop the others."""
+        name = type(turn.panel).__name__
+        turn.due = max(turn.due, time.monotonic() - 0.1) + 1.0 / turn.panel.rate_hz
+        turn.seq, turn.look = p.seq, look
+        try:
+            turn.panel.render(p)
+        except Exception as error:
+            turn.due = time.monotonic() + BROKEN_S
+            turn.seq = -1
+            if name not in self.page.problems:
+                log.exception("panel %s failed", name)
+            text = f"{type(error).__name__}: {error}"
+            self.page.problems = {**self.page.problems, name: text}
+        else:
+            if name in self.page.problems:
+                rest = {k: v for k, v in self.page.problems.items() if k != name}
+                self.page.problems = rest

@@ -1,0 +1,195 @@
+"""Inputs that are generated from parameters, and how any input talks to the session.
+
+The browser drops events (one throttle for a whole panel keeps only the latest message of any
+widget), so after the last event of a group all its inputs are sent again: page and server agree.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import time
+from collections.abc import Callable
+from typing import Any
+
+import viser
+
+from scene_core.params import Spec
+from web_panels import viser_hooks
+from web_panels.style import shown
+
+SETTLE_S = 0.2
+"""Inputs are repeated this long after the last event of their group."""
+HANDS_OFF_S = 0.5
+"""A widget somebody moves is not written to for this long."""
+
+Send = Callable[[Any], None]
+"""Takes the new value of an input, in SI units."""
+
+
+class Group:
+    """Inputs that share one root of the page, hence the browser's throttle."""
+
+    def __init__(self) -> None:
+        self.inputs: list[Any] = []
+        self._timer: asyncio.TimerHandle | None = None
+
+    def settle(self) -> None:
+        """Repeat all inputs a little after the last event; called on viser's event loop."""
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer = asyncio.get_running_loop().call_later(SETTLE_S, self._repeat)
+
+    def _repeat(self) -> None:
+        for handle in list(self.inputs):
+            viser_hooks.repeat(handle)
+
+    def forget(self) -> None:
+        """The inputs are gone."""
+        self.inputs.clear()
+
+
+class Bound:
+    """A widget whose value goes out through `send` and comes back by `show`."""
+
+    def __init__(self, handle: Any, group: Group, send: Send) -> None:
+        self.handle, self._touched = handle, -math.inf
+        group.inputs.append(handle)
+
+        async def moved(event: viser.GuiEvent) -> None:
+            if event.client is None:
+                return
+            self._touched = time.monotonic()
+            group.settle()
+            send(event.target.value)
+
+        handle.on_update(moved)
+
+    def show(self, value: Any) -> None:
+        """Show what is in force, unless somebody is just moving the widget."""
+        if self.handle.value != value and time.monotonic() - self._touched > HANDS_OFF_S:
+            self.handle.value = value
+
+
+def on_press(button: viser.GuiButtonHandle, action: Callable[[viser.ClientHandle], None]) -> None:
+    """Call `action` with the browser that pressed a button."""
+
+    async def pressed(event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            action(event.client)
+
+    button.on_click(pressed)
+
+
+def on_command(command: viser.CommandHandle, action: Callable[[viser.ClientHandle], None]) -> None:
+    """Call `action` with the browser that pressed a hotkey or picked a command."""
+
+    async def triggered(event: viser.CommandEvent) -> None:
+        if event.client is not None:
+            action(event.client)
+
+    command.on_trigger(triggered)
+
+
+def hint(spec: Spec, unit: str) -> str:
+    """Help, range and when an edit takes effect."""
+    text = " ".join(spec.help.split())
+    lo = None if spec.lo is None else shown(spec.lo, spec.unit)[0]
+    hi = None if spec.hi is None else shown(spec.hi, spec.unit)[0]
+    bounds = ""
+    if lo is not None or hi is not None:
+        low = "any" if lo is None else f"{lo:g}"
+        high = "any" if hi is None else f"{hi:g}"
+        bounds = f" Range {low} to {high}{unit and ' ' + unit}."
+    return f"{text}{bounds} Takes effect: {spec.effect}."
+
+
+def nice_step(lo: float, hi: float) -> float:
+    """A round step that divides a range into 100 to 250 parts."""
+    raw = (hi - lo) / 100.0
+    ten = 10.0 ** math.floor(math.log10(raw))
+    return next(m * ten for m in (5.0, 2.0, 1.0) if m * ten <= raw * (1 + 1e-9))
+
+
+class Field:
+    """The input of one parameter, in the units of the page."""
+
+    def __init__(self, gui: viser.GuiApi, group: Group, spec: Spec, send: Send) -> None:
+        self.spec = spec
+        unit = shown(0.0, spec.unit)[1]
+        self.scale = shown(1.0, spec.unit)[0]
+        label = f"{spec.label}, {unit}" if unit else spec.label
+        handle = self._input(gui, label, hint(spec, unit))
+        self.bound = Bound(handle, group, lambda v: send(self._to_si(v)))
+
+    def _to_page(self, value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(float(v) * self.scale for v in value)
+        if isinstance(value, float):
+            shown_value = value * self.scale
+            return float(f"{shown_value:.12g}")
+        return value
+
+    def _to_si(self, value: Any) -> Any:
+        if isinstance(self.spec.value, tuple):
+            return tuple(float(v) / self.scale for v in value)
+        if isinstance(self.spec.value, float):
+            return float(value) / self.scale
+        return value
+
+    def _input(self, gui: viser.GuiApi, label: str, help_text: str) -> Any:
+        spec, value = self.spec, self._to_page(self.spec.value)
+        if spec.choices is not None:
+            return gui.add_dropdown(label, spec.choices, initial_value=value, hint=help_text)
+        if isinstance(value, bool):
+            return gui.add_checkbox(label, value, hint=help_text)
+        if isinstance(value, str):
+            return gui.add_text(label, value, hint=help_text)
+        lo = None if spec.lo is None else self._to_page(spec.lo)
+        hi = None if spec.hi is None else self._to_page(spec.hi)
+        if isinstance(value, tuple):
+            return self._tuple(gui, label, value, lo, hi, help_text)
+        soft = spec.soft or ((spec.lo, spec.hi) if None not in (spec.lo, spec.hi) else None)
+        return self._number(gui, label, value, lo, hi, soft, help_text)
+
+    def _number(
+        self,
+        gui: viser.GuiApi,
+        label: str,
+        value: Any,
+        lo: Any,
+        hi: Any,
+        soft: Any,
+        help_text: str,
+    ) -> Any:
+        whole = isinstance(value, int)
+        if soft is None or not soft[0] <= self.spec.value <= soft[1]:
+            kind = int if whole else float
+            low, high = (None if b is None else kind(b) for b in (lo, hi))
+            step = 1 if whole else None
+            return gui.add_number(label, value, min=low, max=high, step=step, hint=help_text)
+        low, high = (v * self.scale for v in soft)
+        if whole:
+            step = max(1, round(nice_step(low, high)) if high - low > 200 else 1)
+            return gui.add_slider(label, int(low), int(high), step, value, hint=help_text)
+        step = nice_step(low, high)
+        return gui.add_slider(label, float(low), float(high), step, value, hint=help_text)
+
+    def _tuple(
+        self, gui: viser.GuiApi, label: str, value: Any, lo: Any, hi: Any, help_text: str
+    ) -> Any:
+        n = len(value)
+        low, high = (None if b is None else (float(b),) * n for b in (lo, hi))
+        if n == 2:
+            return gui.add_vector2(label, value, min=low, max=high, hint=help_text)  # type: ignore
+        if n == 3:
+            return gui.add_vector3(label, value, min=low, max=high, hint=help_text)  # type: ignore
+        text = ", ".join(f"{v:g}" for v in value)
+        return gui.add_text(label, text, disabled=True, hint=f"{help_text} Edit it in a file.")
+
+    def show(self, value: Any) -> None:
+        """Show the value in force (SI)."""
+        if isinstance(value, tuple) and len(value) not in (2, 3):
+            self.bound.show(", ".join(f"{v * self.scale:g}" for v in value))
+        else:
+            self.bound.show(self._to_page(value))
