@@ -12,6 +12,22 @@ from scene_core.filter.ports import Detection, Match, Occupied, Points, Query
 Limits = tuple[tuple[float, float], ...]
 
 
+Innovation = Callable[[Vec, Vec], Vec]
+"""nu(h, z), batched: a sensor knows which of its coordinates are angles."""
+
+
+def plain(h: Vec, z: Vec) -> Vec:
+    """z - h: the innovation of a sensor without angles."""
+    return z - h
+
+
+def match_points(points: Points, query: Query, nu: Innovation = plain) -> list[Match]:
+    """One match per queried label, as the query asks: by identity or by the nearest in the gate."""
+    if query.how == "identity":
+        return match_identities(points, query)
+    return match_nearest(points, query, nu)
+
+
 def match_identities(points: Points, query: Query) -> list[Match]:
     """One match per queried label: the measurement that carries the landmark's identity.
 
@@ -33,9 +49,7 @@ def match_identities(points: Points, query: Query) -> list[Match]:
     return out
 
 
-def match_nearest(
-    points: Points, query: Query, nu: Callable[[Vec, Vec], Vec] = lambda h, z: z - h
-) -> list[Match]:
+def match_nearest(points: Points, query: Query, nu: Innovation = plain) -> list[Match]:
     """One match per queried label: the nearest measurement inside its gate, identities unread.
 
     The pairs with d2 = nu' S^-1 nu < gate are taken in the order of growing d2 (greedy nearest

@@ -1,25 +1,24 @@
-"""Image patches: where a known one is found again, and where a new one is worth taking.
+"""Image patches: what recognises a landmark in an image, and where it is found again.
 
 Positions are pixels (u right, v down), the centre of the top left pixel is (0, 0). A patch is
 searched by normalised cross-correlation over the ellipse in which the filter expects it (Davison,
-*Real-time simultaneous localisation and mapping with a single camera*, 2003); new ones are corners
-in the sense of Shi and Tomasi (*Good features to track*, 1994).
+*Real-time simultaneous localisation and mapping with a single camera*, 2003).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from pathlib import Path
 
 import cv2
 import numpy as np
 
 from scene_core.arrays import Mat, Vec
 from scene_core.filter.policies import Vision
-from scene_core.filter.ports import Detection, Match, Query
+from scene_core.filter.ports import Detection, Match, Query, SourceError
+from scene_core.sources.grey import read_grey
 
 MIN_CONTRAST = 4.0
 """Grey levels: a template or an image region with a smaller standard deviation says nothing."""
@@ -27,8 +26,6 @@ MIN_SIDE = 7
 """A template is never cut smaller than this, pixels."""
 DET_RANGE = (0.2, 5.0)
 """A patch is not searched when its area should have changed by more than these factors."""
-CELL = (64, 48)
-"""Cells in which corners are looked for, pixels."""
 
 
 @dataclass(frozen=True)
@@ -148,14 +145,12 @@ def _regions(query: Query, limit: float) -> list[_Region | None]:
         [*query.h.T, *half.T, S[:, 1, 1] / det, -S[:, 0, 1] / det, S[:, 0, 0] / det], axis=1
     )
     return [
-        _Region(*row, query.gate) if ok else None
+        _Region(*row[:7], query.gate) if ok else None
         for row, ok in zip(rows.tolist(), good.tolist(), strict=True)
     ]
 
 
-def _search(
-    image: np.ndarray, patch: Patch, warp: Mat, region: _Region, vision: Vision
-) -> _Found:
+def _search(image: np.ndarray, patch: Patch, warp: Mat, region: _Region, vision: Vision) -> _Found:
     template = warped_template(patch, warp) if vision.warp else patch.template
     if template is None:
         return _Found(why="the view changed too much since it was first seen")
@@ -170,7 +165,9 @@ def _search(
     positions = _count(region, u0 + 1, v0 + 1, u1 - 1, v1 - 1)
     peaks = _peaks(ncc, u0, v0, region)
     for score, u, v in peaks:
-        at = _interpolated(ncc, u - u0, v - v0, u, v) if vision.subpixel else (u, v)
+        at = (float(u), float(v))
+        if vision.subpixel:
+            at = _interpolated(ncc, u - u0, v - v0, u, v)
         if not region.holds(*at):
             continue
         apart = (s for s, x, y in peaks if abs(x - u) > 2 or abs(y - v) > 2)
@@ -295,3 +292,18 @@ def _interpolated(ncc: np.ndarray, j: int, i: int, u: int, v: int) -> tuple[floa
         return float(u), float(v)
     du, dv = (uv * gv - vv * gu) / det, (uv * gu - uu * gv) / det
     return u + max(-0.5, min(0.5, du)), v + max(-0.5, min(0.5, dv))
+
+
+def load_patch(path: str | Path) -> Patch:
+    """A patch from an image file: grey, square, odd side of 5 to 63 pixels.
+
+    Raises SourceError naming the file, what was found and what is expected.
+    """
+    pixels = read_grey(path)
+    height, width = pixels.shape
+    if height != width or height % 2 == 0 or not 5 <= height <= 63:
+        raise SourceError(
+            f"the patch {path} is {width} x {height} pixels: a patch is square with an odd side "
+            "of 5 to 63 pixels"
+        )
+    return patch_from(pixels)
