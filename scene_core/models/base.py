@@ -91,7 +91,7 @@ class Normalised(NamedTuple):
 
 
 class Lifted(NamedTuple):
-    """A state built from a position state alone; P_rest is the covariance of what xp can not say."""
+    """A state built from a position state; P_rest is the covariance of what xp can not say."""
 
     xv: Vec
     dxv_by_dxp: Mat
@@ -146,7 +146,7 @@ class Converted(NamedTuple):
 
 
 class Glyphs(NamedTuple):
-    """Scene's graphics state, batched: mean (N, d), covariance (N, d, d), ends of rays (N, 2, d)."""
+    """Scene's graphics state: mean (N, d), covariance (N, d, d), ends of rays (N, 2, d)."""
 
     mean: Vec
     cov: Mat
@@ -169,7 +169,7 @@ def completed(result: _Result, function: Any, *args: Vec) -> _Result:
 
     The Jacobian fields of a result follow its value in the order of `args`.
     """
-    if None not in result:
+    if all(part is not None for part in result):
         return result
     filled = list(result)
     for i in range(1, len(filled)):

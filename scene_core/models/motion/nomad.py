@@ -131,7 +131,7 @@ class PlanarNomad(MotionModel):
         return noisy_process(self, xv, u, dt, k, rng)
 
     def navigate(self, xv: Vec, goal: Vec, dt: float) -> Vec | None:
-        """Steer to `goal` (z, x) [m], slowly while it is not ahead; the turret follows the wheels."""
+        """Steer to `goal` (z, x) [m], slowly while it is not ahead; the turret follows."""
         dz, dx = float(goal[0] - xv[0]), float(goal[1] - xv[1])
         distance = np.hypot(dz, dx)
         if distance <= self.arrive:

@@ -1,0 +1,188 @@
+"""What all cameras share: the image, its noise, and when a feature can be expected in it.
+
+Axes: x right, y down, z forward; pixels u right, v down. Scene's camera (x left, y up) is this one
+with its mount rotated by pi about z.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from scene_core.arrays import Mat, Vec
+from scene_core.geometry.spaces import THREE_D
+from scene_core.models.base import Backprojection, Fault, Projection, Sensor
+from scene_core.params import param
+
+
+class Lens(NamedTuple):
+    """A planar map of a lens: values (..., 2), Jacobians by the input (..., 2, 2) and by the
+    calibration k (..., 2, nk)."""
+
+    p: Vec
+    by_p: Mat
+    by_k: Mat
+
+
+@dataclass(frozen=True)
+class Camera(Sensor):
+    """A central camera: h = image(p, k), p = (x / z, y / z).
+
+    w does not enter: a point at infinity is as good as any. Final cameras supply the lens from p
+    to pixels and back.
+    """
+
+    space = THREE_D
+    pane = "image"
+    measurement_size = 2
+    labels = ("u", "v")
+    units = ("px", "px")
+    unmeasured = ("rho",)
+
+    width: int = param(320, unit="px", lo=8, hi=16384, effect="on reset", label="Width")
+    """Width of the image."""
+    height: int = param(240, unit="px", lo=8, hi=16384, effect="on reset", label="Height")
+    """Height of the image."""
+    u0: float = param(162.0, unit="px", lo=-16384.0, hi=16384.0, soft=(100.0, 220.0))
+    """Column of the optical axis, from the image's left border."""
+    v0: float = param(125.0, unit="px", lo=-16384.0, hi=16384.0, soft=(80.0, 160.0))
+    """Row of the optical axis, from the image's top border."""
+    f_u: float = param(195.0, unit="px", lo=1.0, hi=1e5, soft=(50.0, 800.0), label="f u")
+    """Focal length in columns: pixels per unit of x / z near the axis."""
+    f_v: float = param(195.0, unit="px", lo=1.0, hi=1e5, soft=(50.0, 800.0), label="f v")
+    """Focal length in rows."""
+    sd_px: float = param(1.0, unit="px", lo=1e-4, hi=100.0, soft=(0.1, 5.0), label="Pixel noise")
+    """Standard deviation of a measured position, in columns and in rows."""
+    border: float = param(0.0, unit="px", lo=0.0, hi=1000.0, soft=(0.0, 60.0), label="Border")
+    """No feature is measured nearer than this to the border of the image."""
+    max_scale: float = param(2.0, lo=0.0, hi=100.0, soft=(0.0, 5.0), label="Scale change, max")
+    """A feature is not measured from farther, or nearer, than this many times the distance of its
+    first view. 0: no limit."""
+    max_angle: float = param(
+        np.pi / 4, unit="rad", lo=0.0, hi=np.pi, soft=(0.0, 1.6), label="View change, max"
+    )
+    """A feature is not measured from a direction that differs more than this from that of its
+    first view. 0: no limit."""
+
+    @property
+    def image_size(self) -> tuple[int, int]:
+        """(width, height) [px]."""
+        return self.width, self.height
+
+    @property
+    def limits(self) -> tuple[tuple[float, float], ...]:
+        return (0.0, float(self.width)), (0.0, float(self.height))
+
+    @abstractmethod
+    def with_calib(self, k: Vec) -> Self:
+        """The same camera with calib0 = k."""
+
+    @abstractmethod
+    def image(self, p: Vec, k: Vec) -> Lens:
+        """Pixels h (..., 2) of p = (x / z, y / z) (..., 2)."""
+
+    @abstractmethod
+    def unimage(self, h: Vec, k: Vec) -> Lens:
+        """p (..., 2) seen at pixels h (..., 2)."""
+
+    def in_domain(self, p: Vec) -> np.ndarray:
+        """Where (...,) the lens maps one to one; a point beyond is not seen though its h may lie
+        inside the image."""
+        return np.ones(p.shape[:-1], dtype=bool)
+
+    def project(self, X: Vec, k: Vec) -> Projection:
+        p, iz = _plane(X)
+        lens = self.image(p, k)
+        # dp/dX = [1/z, 0, -p_x/z, 0; 0, 1/z, -p_y/z, 0]
+        dh_by_dX = np.zeros((*p.shape, 4))
+        dh_by_dX[..., :2] = lens.by_p * iz[..., None, None]
+        dh_by_dX[..., 2] = -(dh_by_dX[..., :2] @ p[..., None])[..., 0]
+        return Projection(lens.p, dh_by_dX, lens.by_k)
+
+    def backproject(self, z: Vec, n: Vec, k: Vec) -> Backprojection:
+        """Unit ray m = (p, 1) / |(p, 1)| and w = n, n (..., 1) the inverse distance [1/m]."""
+        lens = self.unimage(z, k)
+        length = np.sqrt(1.0 + (lens.p * lens.p).sum(-1))[..., None]
+        X = np.empty((*lens.p.shape[:-1], 4))
+        X[..., :2] = lens.p / length
+        X[..., 2] = 1.0 / length[..., 0]
+        X[..., 3] = n[..., 0]
+        # d(v/|v|)/dv = (I - m m') / |v|; v's third component is constant.
+        m = X[..., :3]
+        by_p = -m[..., :, None] * m[..., None, :2]
+        by_p[..., 0, 0] += 1.0
+        by_p[..., 1, 1] += 1.0
+        by_p /= length[..., None]
+        by_z, by_k = np.zeros((*X.shape, 2)), np.zeros((*X.shape, lens.by_k.shape[-1]))
+        by_z[..., :3, :] = by_p @ lens.by_p
+        by_k[..., :3, :] = by_p @ lens.by_k
+        by_n = np.zeros((4, 1))
+        by_n[3, 0] = 1.0
+        return Backprojection(X, by_z, by_n, by_k)
+
+    def R(self, h: Vec) -> Mat:
+        return np.broadcast_to(self.sd_px**2 * np.eye(2), (*h.shape[:-1], 2, 2))
+
+    def visibility(self, h: Vec, X: Vec, xws: Vec, pose0: Vec, y_X: Vec) -> np.ndarray:
+        """BEHIND for z <= 0, OUTSIDE the image less its border, SCALE and ANGLE against the first
+        view; the latter two are satisfied by points at infinity.
+
+        Source: Davison, Reid, Molton, Stasse, *MonoSLAM*, PAMI 2007, section 3.5.
+        """
+        behind = X[..., 2] <= 0.0
+        u, v = h[..., 0], h[..., 1]
+        outside = (u < self.border) | (u > self.width - self.border)
+        outside |= (v < self.border) | (v > self.height - self.border)
+        outside |= ~self.in_domain(_plane(X)[0])
+        fault = np.where(behind, int(Fault.BEHIND), np.where(outside, int(Fault.OUTSIDE), 0))
+        if not (self.max_scale or self.max_angle):
+            return fault
+        # m - w t is the ray from t to the point, whether w is zero or not.
+        w = y_X[..., 3:]
+        now, first = y_X[..., :3] - w * xws[..., :3], y_X[..., :3] - w * pose0[..., :3]
+        d2, d02 = (now * now).sum(-1), (first * first).sum(-1)
+        if self.max_scale:
+            limit2 = self.max_scale**2
+            fault = fault | np.where((d2 > limit2 * d02) | (d02 > limit2 * d2), Fault.SCALE, 0)
+        if self.max_angle:
+            cos_limit = np.cos(self.max_angle) * np.sqrt(d2 * d02)
+            fault = fault | np.where((now * first).sum(-1) < cos_limit, Fault.ANGLE, 0)
+        return fault
+
+    def _with_centre(self, k: Vec) -> Self:
+        u0, v0, f_u, f_v = (float(x) for x in k[:4])
+        return dataclasses.replace(self, u0=u0, v0=v0, f_u=f_u, f_v=f_v)
+
+
+def _plane(X: Vec) -> tuple[Vec, Vec]:
+    """p = (x / z, y / z) (..., 2) and 1 / z (...,), bounded where z is (nearly) zero.
+
+    Such points are not visible; they only must not spoil the others in the batch.
+    """
+    z = X[..., 2]
+    floor = 1e-9 * (1.0 + np.abs(X[..., :2]).sum(-1))
+    iz = 1.0 / np.where(np.abs(z) < floor, np.copysign(floor, z), z)
+    return X[..., :2] * iz[..., None], iz
+
+
+def pixels(q: Lens, f: Vec, c: Vec) -> Lens:
+    """h = c + f q for an ideal position q = (q_x, q_y), with k = (c, f, whatever q depends on)."""
+    nd = q.by_k.shape[-1]
+    by_k = np.zeros((*q.p.shape, 4 + nd))
+    by_k[..., 0, 0] = by_k[..., 1, 1] = 1.0
+    by_k[..., 0, 2], by_k[..., 1, 3] = q.p[..., 0], q.p[..., 1]
+    by_k[..., 4:] = f[:, None] * q.by_k
+    return Lens(c + f * q.p, f[:, None] * q.by_p, by_k)
+
+
+def unpixels(h: Vec, f: Vec, c: Vec) -> Lens:
+    """q = (h - c) / f, by k = (c, f)."""
+    q = (h - c) / f
+    by_k = np.zeros((*q.shape, 4))
+    by_k[..., 0, 0], by_k[..., 1, 1] = -1.0 / f[0], -1.0 / f[1]
+    by_k[..., 0, 2], by_k[..., 1, 3] = -q[..., 0] / f[0], -q[..., 1] / f[1]
+    return Lens(q, np.diag(1.0 / f), by_k)

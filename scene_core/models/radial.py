@@ -1,0 +1,118 @@
+"""Radial distortion of any order, r_out = r (1 + d1 r^2 + d2 r^4 + ...), and its inverse.
+
+Used forwards or backwards by the cameras; whichever way needs the inverse gets it by Newton's
+method, with the Jacobians of the implicit function, so that the coefficients may be estimated.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from scene_core.arrays import Mat, Vec
+
+
+class Scaled(NamedTuple):
+    """Points (..., 2), Jacobians by the argument (..., 2, 2) and coefficients (..., 2, nd)."""
+
+    p: Vec
+    by_p: Mat
+    by_d: Mat
+
+
+@lru_cache(maxsize=1024)
+def _fold(d: tuple[float, ...]) -> float:
+    # dr_out/dr = 1 + 3 d1 s + 5 d2 s^2 + ... with s = r^2; its smallest positive root.
+    slopes = [(2 * i + 3) * di for i, di in enumerate(d)]
+    roots = np.roots([*slopes[::-1], 1.0])
+    real = roots.real[(np.abs(roots.imag) < 1e-9 * (1.0 + np.abs(roots))) & (roots.real > 0.0)]
+    return float(np.sqrt(real.min())) if len(real) else np.inf
+
+
+def fold_radius(d: Vec) -> float:
+    """The radius up to which the distortion is one to one; inf when it is everywhere."""
+    return _fold(tuple(np.asarray(d, dtype=np.float64).tolist()))
+
+
+def _factor(s: Vec, d: Vec) -> tuple[Vec, Vec]:
+    """L = 1 + d1 s + d2 s^2 + ... and dL/ds, by Horner's rule."""
+    L, dL = np.zeros_like(s), np.zeros_like(s)
+    for di in d[::-1]:
+        dL = L + s * dL
+        L = di + s * L
+    return 1.0 + s * L, L + s * dL
+
+
+def _powers(s: Vec, count: int) -> Vec:
+    """(s, s^2, ...) (..., count)."""
+    return s[..., None] ** np.arange(1, count + 1)
+
+
+def distort(p: Vec, d: Vec) -> Scaled:
+    """p L(|p|^2) for points p (..., 2), with Jacobians.
+
+    Outside `fold_radius` the polynomial bends back; the caller marks such points as not visible.
+    """
+    s = (p * p).sum(-1)
+    L, dL = _factor(s, d)
+    by_p = (2.0 * dL)[..., None, None] * (p[..., :, None] * p[..., None, :])
+    by_p[..., 0, 0] += L
+    by_p[..., 1, 1] += L
+    return Scaled(L[..., None] * p, by_p, p[..., :, None] * _powers(s, len(d))[..., None, :])
+
+
+def undistort(p_out: Vec, d: Vec) -> Scaled:
+    """p with p L(|p|^2) = p_out (..., 2), |p| below the fold, with Jacobians by p_out and by d.
+
+    With A = dp_out/dp: dp/dp_out = A^-1 and dp/dd_i = -A^-1 p |p|^(2i). A p_out farther out than
+    the fold's image has no origin and is given the direction at the fold.
+    """
+    r_out = np.sqrt((p_out * p_out).sum(-1))
+    r = _inverse_radius(r_out, d)
+    s = r * r
+    L, dL = _factor(s, d)
+    p = p_out / L[..., None]
+    # A = L I + 2 L' p p', inverted by the Sherman-Morrison formula.
+    slope = (2.0 * dL / (L + 2.0 * dL * s))[..., None, None]
+    by_p = (np.eye(2) - slope * (p[..., :, None] * p[..., None, :])) / L[..., None, None]
+    by_d = -(by_p @ p[..., None]) * _powers(s, len(d))[..., None, :]
+    return Scaled(p, by_p, by_d)
+
+
+def _inverse_radius(r_out: Vec, d: Vec) -> Vec:
+    if not len(d):
+        return r_out
+    fold = fold_radius(d)
+    # Just short of the fold the slope is still positive, which keeps the Jacobian finite.
+    limit = 0.999 * fold if np.isfinite(fold) else np.inf
+    r = np.minimum(r_out, limit)
+    for _ in range(8):
+        r = np.clip(r - _residual(r, r_out, d), 0.0, limit)
+    step = np.abs(_residual(r, r_out, d))
+    bad = (step > 1e-12 * (1.0 + r)) & (r < limit)
+    if bad.any():
+        r = np.where(bad, _bisected(r_out, d, limit), r)
+    return r
+
+
+def _residual(r: Vec, r_out: Vec, d: Vec) -> Vec:
+    """Newton's step at r."""
+    L, dL = _factor(r * r, d)
+    return (r * L - r_out) / (L + 2.0 * dL * r * r)
+
+
+def _bisected(r_out: Vec, d: Vec, limit: float) -> Vec:
+    """The same root without Newton's temper: halving a bracket down to the last bit."""
+    lo, hi = np.zeros_like(r_out), np.minimum(np.maximum(2.0 * r_out, 1.0), limit)
+    for _ in range(60):
+        low = (hi * _factor(hi * hi, d)[0] < r_out) & (hi < limit)
+        if not low.any():
+            break
+        hi = np.where(low, np.minimum(2.0 * hi, limit), hi)
+    for _ in range(80):
+        mid = 0.5 * (lo + hi)
+        below = mid * _factor(mid * mid, d)[0] < r_out
+        lo, hi = np.where(below, mid, lo), np.where(below, hi, mid)
+    return 0.5 * (lo + hi)

@@ -1,0 +1,109 @@
+"""All models by kind and name, found by walking the packages; and which of them fit together."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pkgutil
+from collections.abc import Mapping
+from functools import cache
+from types import MappingProxyType
+from typing import Any
+
+from scene_core.models.base import (
+    FeatureModel,
+    InternalMeasurementModel,
+    MotionModel,
+    Sensor,
+)
+
+KINDS: Mapping[str, type[Any]] = MappingProxyType(
+    {
+        "motion": MotionModel,
+        "sensors": Sensor,
+        "features": FeatureModel,
+        "internal": InternalMeasurementModel,
+    }
+)
+"""Base class by kind; a kind is the name of the package its models are found in."""
+
+
+@cache
+def models(kind: str) -> Mapping[str, type[Any]]:
+    """Model classes of a kind by name, sorted by the name of their files.
+
+    Raises KeyError for an unknown kind, ValueError when two models share a name.
+    """
+    base = KINDS[kind]
+    package = importlib.import_module(f"scene_core.models.{kind}")
+    found: dict[str, type[Any]] = {}
+    for entry in sorted(pkgutil.iter_modules(package.__path__), key=lambda m: m.name):
+        module = importlib.import_module(f"{package.__name__}.{entry.name}")
+        for cls in vars(module).values():
+            own = inspect.isclass(cls) and cls.__module__ == module.__name__
+            if own and issubclass(cls, base) and not inspect.isabstract(cls):
+                if cls.name in found:
+                    raise ValueError(f"two models of kind {kind} are called '{cls.name}'")
+                found[cls.name] = cls
+    return MappingProxyType(found)
+
+
+def model_class(kind: str, name: str) -> type[Any]:
+    """The class of a model; raises KeyError with the known names when there is none."""
+    known = models(kind)
+    if name not in known:
+        raise KeyError(f"no model '{name}' of kind {kind}: there are {', '.join(known)}")
+    return known[name]
+
+
+def kind_of(model: Any) -> str:
+    """The kind of a model instance; raises TypeError when it is none."""
+    for kind, base in KINDS.items():
+        if isinstance(model, base):
+            return kind
+    raise TypeError(f"{type(model).__name__} is not a model: there are {', '.join(KINDS)}")
+
+
+def compatible(sensor: Sensor, feature: FeatureModel) -> str | None:
+    """Why `sensor` can not initialise features of this model; None when it can.
+
+    A refused pair may still observe: any sensor measures any feature of its own space.
+    """
+    reason = observable(sensor, feature)
+    if reason:
+        return reason
+    missing = [name for name in sensor.unmeasured if name not in feature.unmeasured]
+    if missing:
+        return (
+            f"'{sensor.name}' leaves {', '.join(missing)} open and '{feature.name}' has no prior "
+            "for it: such a feature can only be known from the start or converted from another"
+        )
+    return None
+
+
+def observable(sensor: Sensor, feature: FeatureModel) -> str | None:
+    """Why `sensor` can not measure features of this model; None when it can."""
+    if sensor.space.name != feature.space.name:
+        return (
+            f"'{sensor.name}' measures {sensor.space.name} points, '{feature.name}' is a "
+            f"{feature.space.name} point"
+        )
+    return None
+
+
+def carriable(motion: MotionModel, sensor: Sensor) -> str | None:
+    """Why a robot can not carry `sensor`; None when it can: poses are embedded upwards only."""
+    if sensor.space.d < motion.space.d:
+        return (
+            f"'{sensor.name}' lives in {sensor.space.name} and '{motion.name}' moves in "
+            f"{motion.space.name}: a sensor can not have fewer dimensions than its robot"
+        )
+    return None
+
+
+def runs_on(internal: InternalMeasurementModel, motion: MotionModel) -> str | None:
+    """Why an internal measurement can not run on a motion model; None when it can."""
+    missing = [label for label in internal.needs if label not in motion.state_labels]
+    if missing:
+        return f"'{internal.name}' needs {', '.join(missing)}, which '{motion.name}' does not have"
+    return None
