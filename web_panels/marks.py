@@ -1,0 +1,219 @@
+"""What a sensor pane has to draw: one mark per feature, in the sensor's own measurement space.
+
+Everything is read from the records of the frame; a mark holds the filter's numbers and the state
+it is drawn in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from scene_core.arrays import Mat, Vec
+from scene_core.filter.ports import Image, Match, Points, Raw
+from scene_core.filter.records import Association, PhaseRecord, Predictions, Trace
+from scene_core.filter.world import Feature, World
+from scene_core.geometry.ellipses import sigma
+from scene_core.models.base import Fault
+from scene_core.session.published import Published
+from web_panels.style import STATE_OF_VERDICT
+
+PENDING = "ink"
+"""Palette key of a feature that is selected but not judged yet (stepping by phase)."""
+STRING_MAX = 7
+"""At most this many ellipses along the ray of a partially initialised feature."""
+
+
+@dataclass(frozen=True)
+class String:
+    """A partially initialised feature as ellipses along its ray: h and S given the free part."""
+
+    h: Vec
+    """(K, m)"""
+    S: Mat
+    """(m, m), the same for all."""
+
+
+@dataclass(frozen=True)
+class Mark:
+    """One feature in one pane."""
+
+    label: int
+    state: str
+    """Palette key: accepted, nomatch, rejected, unselected, out, partial (born now) or ink."""
+    h: Vec
+    S: Mat | None
+    z: Vec | None = None
+    partial: bool = False
+    string: String | None = None
+    true_z: Vec | None = None
+    selected: bool = False
+
+
+@dataclass(frozen=True)
+class Scene:
+    """All that is drawn in a pane for one frame."""
+
+    mount: str
+    frame: int
+    raw: Raw | None
+    marks: tuple[Mark, ...]
+    half_width: float
+    """Of the ellipses, in standard deviations."""
+    counts: Mapping[str, int] = field(default_factory=dict)
+    """Features by palette key, and "partial" for those whose ray is still open."""
+
+
+def partially_initialised(feature: Feature) -> bool:
+    """Its parametrisation can hold what a first measurement leaves open."""
+    return bool(feature.model.unmeasured)
+
+
+def verdicts(trace: Trace, mount: str) -> Mapping[int, Association]:
+    """The latest verdict on each feature: of the update, or of the gate when stepping by phase."""
+    out: dict[int, Association] = {}
+    for record in trace.records:
+        if record.mount == mount:
+            out.update({a.label: a for a in record.associations})
+    return out
+
+
+def matches(trace: Trace, mount: str) -> Mapping[int, Match]:
+    """Answers of the search by label."""
+    return {m.label: m for r in _of(trace, mount) for m in r.matches}
+
+
+def _of(trace: Trace, mount: str) -> list[PhaseRecord]:
+    return [r for r in trace.records if r.mount == mount]
+
+
+def half_width(world: World, mount: str) -> float:
+    """Half-width of the drawn ellipses: of the search, or of the gate where nothing is searched."""
+    policies = world.policies
+    if policies.association.kind == "search":
+        return policies.association.search_sigma
+    return sigma(world.mounts[mount].sensor.measurement_size, policies.gate.confidence)
+
+
+def scene_of(p: Published, mount: str) -> Scene | None:
+    """What the pane of a mount shows; None before the first frame or when the mount is gone."""
+    trace = p.trace
+    if trace is None or mount not in trace.world.mounts:
+        return None
+    judged, found = verdicts(trace, mount), matches(trace, mount)
+    seen = trace.predictions(mount)
+    world = _world_of_predictions(trace, mount)
+    marks = [
+        m
+        for predictions in seen
+        for i, label in enumerate(predictions.labels)
+        if (m := _mark(world, predictions, i, judged.get(label), found.get(label), p.selected))
+    ]
+    marks += _born(trace, mount, p.selected)
+    counts = {"accepted": 0, "nomatch": 0, "rejected": 0, "unselected": 0, "partial": 0}
+    for m in marks:
+        counts[m.state] = counts.get(m.state, 0) + (m.state != "partial")
+        counts["partial"] += m.partial
+    return Scene(
+        mount=mount,
+        frame=trace.frame.index,
+        raw=trace.frame.raw.get(mount),
+        marks=tuple(marks),
+        half_width=half_width(trace.world, mount),
+        counts=counts,
+    )
+
+
+def _world_of_predictions(trace: Trace, mount: str) -> World:
+    return next(
+        (r.world for r in trace.records if r.mount == mount and r.phase == "select"), trace.world
+    )
+
+
+def _mark(
+    world: World,
+    p: Predictions,
+    i: int,
+    judged: Association | None,
+    match: Match | None,
+    selected: int | None,
+) -> Mark | None:
+    label, fault = p.labels[i], int(p.fault[i])
+    if fault & (Fault.BEHIND | Fault.OUTSIDE) or not np.isfinite(p.h[i]).all():
+        return None
+    if fault:
+        state = "out"
+    elif judged is not None:
+        state = STATE_OF_VERDICT[judged.verdict]
+    else:
+        state = PENDING if p.selected[i] else "unselected"
+    feature = world.features[label]
+    partial = partially_initialised(feature)
+    return Mark(
+        label=label,
+        state=state,
+        h=p.h[i],
+        S=p.E[i] + p.R[i],
+        z=None if match is None else match.z,
+        partial=partial,
+        string=string_along_ray(world, p, i, feature) if partial and not fault else None,
+        true_z=None if match is None else match.true_z,
+        selected=label == selected,
+    )
+
+
+def string_along_ray(world: World, p: Predictions, i: int, feature: Feature) -> String | None:
+    """h and S of a feature given its unmeasured component s, at values of s within +-2 sigma.
+
+    From the joint covariance, c = cov(h, s) = H P[:, s]:  h(s) = h + c / P_ss (s - s0) and
+    S(s) = S - c c' / P_ss. None when one ellipse says it all.
+    """
+    name = feature.model.unmeasured[0]
+    if name not in feature.model.state_labels:
+        return None
+    block = world.gauss.layout[feature.block]
+    at = block.start + feature.model.state_labels.index(name)
+    P, mean = world.gauss.P, world.gauss.x[at]
+    variance = P[at, at]
+    if not variance > 0.0:
+        return None
+    c = np.zeros(p.h.shape[1])
+    for role, H in p.H.items():
+        rows = block.slice if role == "feature" else world.gauss.layout[role].slice
+        c = c + H[i] @ P[rows, at]
+    sd = np.sqrt(variance)
+    S = p.E[i] + p.R[i] - np.outer(c, c) / variance
+    low, high = max(-2.0, -mean / sd), 2.0
+    axis = np.sqrt(max(np.linalg.eigvalsh(S)[0], 1e-12))
+    length = float(np.linalg.norm(c) / sd * (high - low))
+    count = min(STRING_MAX, 1 + int(length / (1.5 * axis)))
+    if count < 3:
+        return None
+    s = np.linspace(low, high, count)
+    return String(p.h[i] + s[:, None] * (c / sd), S)
+
+
+def _born(trace: Trace, mount: str, selected: int | None) -> list[Mark]:
+    """Features that this mount started in this frame, where it saw them."""
+    return [
+        Mark(label, "partial", f.z0, None, z=f.z0, partial=True, selected=label == selected)
+        for label, f in trace.world.features.items()
+        if f.mount == mount and label not in trace.start.features and not f.known
+    ]
+
+
+def raw_points(raw: Raw | None) -> Vec:
+    """Raw measurements (k, m) of a sensor that gives points; none for an image."""
+    return raw.z if isinstance(raw, Points) else np.zeros((0, 1))
+
+
+def raw_pixels(raw: Raw | None) -> np.ndarray | None:
+    """The grey picture, where there is one."""
+    return raw.pixels if isinstance(raw, Image) else None
+
+
+def outcome(marks: Sequence[Mark], label: int) -> Mark | None:
+    """The mark of a feature."""
+    return next((m for m in marks if m.label == label), None)

@@ -1,0 +1,57 @@
+"""A camera's measurement space: the picture itself, enlarged, in pixels."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from scene_core.arrays import Mat, Vec
+from scene_core.geometry.ellipses import ellipse_points
+from web_panels.drawing import Painter, dots
+from web_panels.marks import Scene, raw_pixels, raw_points
+from web_panels.style import C
+
+CANVAS_WIDTH = 800
+"""About this wide, px; twice what the docked panel shows."""
+DARKEN = (np.arange(256) * 0.82).astype(np.uint8)
+"""The picture is dimmed a little, so that the drawings stand out."""
+
+
+class ImageChart:
+    """Pixels (u, v) of an image of `width` x `height`, magnified by `zoom`."""
+
+    def __init__(self, width: float, height: float) -> None:
+        self.width, self.height = width, height
+        self.zoom = min(3.0, max(1.0, CANVAS_WIDTH / width))
+        self.size = (round(width * self.zoom), round(height * self.zoom))
+
+    def background(self, scene: Scene) -> np.ndarray:
+        pixels = raw_pixels(scene.raw)
+        if pixels is None:
+            canvas = np.full((self.size[1], self.size[0], 3), C["card"], np.uint8)
+            self._points(canvas, raw_points(scene.raw))
+            return canvas
+        grey = cv2.resize(cv2.LUT(pixels, DARKEN), self.size, interpolation=cv2.INTER_LINEAR)
+        return cv2.cvtColor(grey, cv2.COLOR_GRAY2RGB)
+
+    def _points(self, canvas: np.ndarray, z: Vec) -> None:
+        painter = Painter(canvas)
+        w, h = self.size
+        step = 10.0 ** np.floor(np.log10(self.width / 2.0)) * self.zoom
+        for x in np.arange(step, w, step):
+            painter.line(np.array([x, 0.0]), np.array([x, h]), C["line"], 1.0)
+        for y in np.arange(step, h, step):
+            painter.line(np.array([0.0, y]), np.array([w, y]), C["line"], 1.0)
+        dots(canvas, self.place(z.reshape(-1, 2)), 3.2 * painter.u)
+
+    def place(self, z: Vec, lane: np.ndarray | None = None) -> Vec:
+        # Pixel centres are at whole numbers; the first pixel covers -0.5 to 0.5.
+        return (z + 0.5) * self.zoom - 0.5
+
+    def outlines(self, h: Vec, S: Mat, half_width: float, lane: np.ndarray) -> Vec:
+        return self.place(ellipse_points(h, S, half_width, 40))
+
+    def measurement(self, xy: Vec) -> tuple[float, ...] | None:
+        u, v = (np.asarray(xy) + 0.5) / self.zoom - 0.5
+        inside = 0 <= u <= self.width and 0 <= v <= self.height
+        return (float(u), float(v)) if inside else None
