@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from threading import Lock
+from typing import Any
 
 import cv2
 import numpy as np
@@ -30,7 +31,7 @@ from scene_core.params import param
 from scene_core.sources.corners import detect_corners
 from scene_core.sources.grey import read_grey, to_grey
 from scene_core.sources.reference import load_reference
-from scene_core.sources.vision import extract, search_patches
+from scene_core.sources.vision import extract, load_patch, search_patches
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".pgm", ".ppm", ".bmp", ".tif", ".tiff", ".webp")
 KEPT = 64
@@ -101,6 +102,10 @@ class ImageSequence:
     def appearance_at(self, frame: Frame, mount: str, z: Vec, vision: Vision) -> Detection | None:
         """The patch around the pixel somebody pointed at."""
         return extract(_pixels(frame, mount), z, vision)
+
+    def appearance_of(self, known: Any) -> Any:
+        """The patch a known feature names by the path of its image file."""
+        return load_patch(known) if isinstance(known, str) else known
 
     def _truth(self, index: int) -> Truth | None:
         if not self.reference:
