@@ -19,9 +19,7 @@ from web_panels import viser_hooks
 from web_panels.style import shown
 
 SETTLE_S = 0.2
-"""Inputs are repeated this long after the last event of their group."""
-HANDS_OFF_S = 0.5
-"""A widget somebody moves is not written to for this long."""
+"""After the last event of a group its inputs show what is in force; until then hands off."""
 
 Send = Callable[[Any], None]
 """Takes the new value of an input, in SI units."""
@@ -31,7 +29,7 @@ class Group:
     """Inputs that share one root of the page, hence the browser's throttle."""
 
     def __init__(self) -> None:
-        self.inputs: list[Any] = []
+        self.inputs: list[Bound] = []
         self._timer: asyncio.TimerHandle | None = None
 
     def settle(self) -> None:
@@ -41,8 +39,8 @@ class Group:
         self._timer = asyncio.get_running_loop().call_later(SETTLE_S, self._repeat)
 
     def _repeat(self) -> None:
-        for handle in list(self.inputs):
-            viser_hooks.repeat(handle)
+        for bound in list(self.inputs):
+            bound.settle()
 
     def forget(self) -> None:
         """The inputs are gone."""
@@ -54,7 +52,8 @@ class Bound:
 
     def __init__(self, handle: Any, group: Group, send: Send) -> None:
         self.handle, self._touched = handle, -math.inf
-        group.inputs.append(handle)
+        self._in_force = handle.value
+        group.inputs.append(self)
 
         async def moved(event: viser.GuiEvent) -> None:
             if event.client is None:
@@ -66,9 +65,19 @@ class Bound:
         handle.on_update(moved)
 
     def show(self, value: Any) -> None:
-        """Show what is in force, unless somebody is just moving the widget."""
-        if self.handle.value != value and time.monotonic() - self._touched > HANDS_OFF_S:
-            self.handle.value = value
+        """Show what is in force; not while somebody is moving the widget, but then soon after."""
+        self._in_force = value
+        if time.monotonic() - self._touched > SETTLE_S:
+            self._write()
+
+    def settle(self) -> None:
+        """Show what is in force to every browser, whatever it believes."""
+        self._write()
+        viser_hooks.repeat(self.handle)
+
+    def _write(self) -> None:
+        if self.handle.value != self._in_force:
+            self.handle.value = self._in_force
 
 
 def on_press(button: viser.GuiButtonHandle, action: Callable[[viser.ClientHandle], None]) -> None:
