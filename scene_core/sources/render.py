@@ -1,0 +1,346 @@
+"""Camera images of a textured room, fast enough to be played.
+
+Every pixel's ray meets the surface on which the inverse distance s is largest. On a plane with unit
+normal n and n'x = c, seen from p along the unit ray d, s = (n'd) / (c - n'p) is linear in d, and so
+are u s and v s with (u, v) the place on the texture: three products of a 3x3 matrix with all rays.
+Textures are filtered over two levels of a pyramid (trilinear), so that far surfaces do not alias.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from scene_core.arrays import Vec
+from scene_core.geometry import quaternion
+from scene_core.models.base import Sensor
+from scene_core.params import param
+from scene_core.sources.room import Surface, TexturedRoom
+
+LEVELS = 5
+"""Of every texture's pyramid."""
+_PAD = 4
+"""Texels by which a texture is continued in the atlas, at every level."""
+_CELL = 8
+"""Pixels between the rays of the coarse grid that tells which surfaces are in view."""
+_MAX_SAMPLES = 12
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """How the simulated camera takes its pictures."""
+
+    exposure: float = param(0.006, unit="s", lo=0.0, hi=0.5, soft=(0.0, 0.04), label="Exposure")
+    """Time the shutter is open: what moves meanwhile is blurred."""
+    gain: float = param(1.0, lo=0.05, hi=10.0, soft=(0.3, 2.0), label="Gain")
+    """Brightness of the image as a factor; it saturates at 255 grey levels."""
+    flicker: float = param(0.01, lo=0.0, hi=1.0, soft=(0.0, 0.2), label="Flicker")
+    """Standard deviation of the gain from frame to frame, as a fraction."""
+    noise: float = param(3.0, lo=0.0, hi=100.0, soft=(0.0, 20.0), label="Image noise")
+    """Standard deviation of every pixel's own noise, grey levels."""
+    blur: float = param(0.5, unit="px", lo=0.0, hi=10.0, soft=(0.0, 3.0), label="Lens blur")
+    """Width (one sigma) of the spot that a point makes on the sensor."""
+
+
+class Rays(NamedTuple):
+    """The pixels of a camera as rays."""
+
+    d: np.ndarray
+    """Unit rays (3, height, width), float32, in the camera's frame."""
+    log_size: np.ndarray
+    """log2 of the angle of a pixel [rad] (height, width), float32."""
+    shade: np.ndarray
+    """What the lens lets through (height, width), float32."""
+    focal: float
+    """Pixels per radian in the middle of the image."""
+
+
+class Scene(NamedTuple):
+    """All surfaces, ready to be looked at."""
+
+    surfaces: tuple[Surface, ...]
+    n: np.ndarray
+    """Unit normals (S, 3)."""
+    corner: np.ndarray
+    right: np.ndarray
+    """Texture axes in texels: (S, 3), divided by the size of a texel."""
+    down: np.ndarray
+    size: np.ndarray
+    """Texels (S, 2): columns, rows."""
+    is_wall: np.ndarray
+    atlas: np.ndarray
+    """uint8 grey image that holds all pyramids."""
+    at_x: np.ndarray
+    """Column (S * LEVELS,) of a pyramid level's first texel in the atlas, float32."""
+    at_y: np.ndarray
+
+
+@lru_cache(maxsize=4)
+def rays_of(sensor: Sensor, calib: tuple[float, ...]) -> Rays:
+    """Rays through the centres of all pixels of a camera; the centre of the first is (0, 0)."""
+    (_, width), (_, height) = sensor.limits
+    v, u = np.mgrid[-1 : height + 1, -1 : width + 1]
+    z = np.stack([u, v], axis=-1).reshape(-1, 2)
+    X = sensor.backproject(z, np.zeros((len(z), 1)), np.array(calib)).X
+    d = X[:, :3].reshape(*u.shape, 3)
+    du = 0.5 * (d[1:-1, 2:] - d[1:-1, :-2])
+    dv = 0.5 * (d[2:, 1:-1] - d[:-2, 1:-1])
+    size = np.sqrt(np.linalg.norm(np.cross(du, dv), axis=-1))
+    inner = d[1:-1, 1:-1]
+    return Rays(
+        d=np.ascontiguousarray(np.moveaxis(inner, -1, 0), dtype=np.float32),
+        log_size=np.log2(size).astype(np.float32),
+        shade=(np.clip(inner[..., 2], 0.0, 1.0) ** 1.5).astype(np.float32),
+        focal=float(1.0 / size[size.shape[0] // 2, size.shape[1] // 2]),
+    )
+
+
+@lru_cache(maxsize=4)
+def scene_of(room: TexturedRoom) -> Scene:
+    """The room's surfaces with their textures in one atlas."""
+    surfaces = room.surfaces()
+    chains = [_pyramid(s.texture) for s in surfaces]
+    width = max(sum(level.shape[1] for level in chain) for chain in chains)
+    tops = np.cumsum([0, *(chain[0].shape[0] for chain in chains)])
+    atlas = np.zeros((int(tops[-1]), width), np.uint8)
+    at = np.zeros((len(surfaces), LEVELS, 2))
+    for i, chain in enumerate(chains):
+        left = 0
+        for j, level in enumerate(chain):
+            rows, columns = level.shape
+            atlas[tops[i] : tops[i] + rows, left : left + columns] = level
+            at[i, j] = left + _PAD, tops[i] + _PAD
+            left += columns
+    size = np.array([s.texture.shape[1::-1] for s in surfaces])
+    metres = np.array([(s.width, s.height) for s in surfaces])
+    scale = size / metres
+    return Scene(
+        surfaces=surfaces,
+        n=np.array([s.normal for s in surfaces]),
+        corner=np.array([s.corner for s in surfaces]),
+        right=np.array([s.right for s in surfaces]) * scale[:, :1],
+        down=np.array([s.down for s in surfaces]) * scale[:, 1:],
+        size=size,
+        is_wall=np.array([s.is_wall for s in surfaces]),
+        atlas=atlas,
+        at_x=at[..., 0].ravel().astype(np.float32),
+        at_y=at[..., 1].ravel().astype(np.float32),
+    )
+
+
+def _pyramid(texture: np.ndarray) -> list[np.ndarray]:
+    """Grey levels of a texture, each half the size of the one before, continued on all sides."""
+    level = cv2.cvtColor(texture, cv2.COLOR_RGB2GRAY)
+    out = []
+    for _ in range(LEVELS):
+        out.append(cv2.copyMakeBorder(level, *[_PAD] * 4, cv2.BORDER_REPLICATE))
+        rows, columns = level.shape
+        even = cv2.copyMakeBorder(level, 0, rows % 2, 0, columns % 2, cv2.BORDER_REPLICATE)
+        level = cv2.resize(
+            even, (even.shape[1] // 2, even.shape[0] // 2), interpolation=cv2.INTER_AREA
+        )
+    return out
+
+
+def render(
+    scene: Scene,
+    rays: Rays,
+    now: Vec,
+    before: Vec,
+    dt: float,
+    how: Rendering,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """The grey image, uint8 (height, width), taken from the camera pose `now` (7,), which was
+    `before` (7,) dt seconds ago; the middle of the exposure is now."""
+    poses = _exposed(rays, now, before, dt, how.exposure)
+    image = look(scene, rays, poses[0])
+    for pose in poses[1:]:
+        image += look(scene, rays, pose)
+    gain = how.gain * (1.0 + how.flicker * rng.standard_normal())
+    image *= rays.shade * np.float32(gain / len(poses))
+    if how.blur > 0.0:
+        image = cv2.GaussianBlur(image, (0, 0), how.blur)
+    if how.noise > 0.0:
+        image += np.float32(how.noise) * rng.standard_normal(image.shape, dtype=np.float32)
+    out = cv2.convertScaleAbs(np.maximum(image, 0.0))
+    out.flags.writeable = False
+    return out
+
+
+def _exposed(rays: Rays, now: Vec, before: Vec, dt: float, exposure: float) -> list[Vec]:
+    """Camera poses (7,) spread evenly over the exposure, about one for every half pixel."""
+    if dt <= 0.0 or exposure <= 0.0:
+        return [now]
+    v = (now[:3] - before[:3]) / dt
+    turn = quaternion.product(quaternion.conjugate(before[3:]), now[3:])
+    w = quaternion.to_rotation_vector(turn)[0] / dt
+    travel = exposure * rays.focal * (np.linalg.norm(w) + np.linalg.norm(v))
+    count = int(np.clip(np.ceil(2.0 * travel), 1, _MAX_SAMPLES))
+    times = exposure * ((np.arange(count) + 0.5) / count - 0.5)
+    return [
+        np.concatenate(
+            [
+                now[:3] + v * t,
+                quaternion.product(now[3:], quaternion.from_rotation_vector(w * t)[0]),
+            ]
+        )
+        for t in times
+    ]
+
+
+class _View(NamedTuple):
+    """The planes of some surfaces as a camera sees them: rows of linear forms in its rays."""
+
+    s: np.ndarray
+    """(S, 3): inverse distance."""
+    u: np.ndarray
+    """(S, 3): column on the texture, times inverse distance."""
+    v: np.ndarray
+    log_scale: np.ndarray
+    """(S,): log2 of texels per radian at distance 1, seen at right angles, over sqrt(distance of
+    the plane)."""
+
+
+def _view(scene: Scene, pose: Vec) -> _View:
+    R, p = quaternion.matrix(pose[3:]), pose[:3]
+    gap = ((p - scene.corner) * scene.n).sum(1)
+    safe = np.where(gap > 1e-6, gap, np.inf)
+    s = -(scene.n @ R) / safe[:, None]
+    from_corner = p - scene.corner
+    u = ((from_corner * scene.right).sum(1)[:, None] * s) + scene.right @ R
+    v = ((from_corner * scene.down).sum(1)[:, None] * s) + scene.down @ R
+    texels = np.linalg.norm(scene.right, axis=1)
+    return _View(
+        s.astype(np.float32),
+        u.astype(np.float32),
+        v.astype(np.float32),
+        np.log2(texels / np.sqrt(np.where(gap > 1e-6, gap, 1.0))).astype(np.float32),
+    )
+
+
+def look(scene: Scene, rays: Rays, pose: Vec) -> np.ndarray:
+    """What an ideal camera sees from a pose (7,) inside the room: float32 (height, width)."""
+    view = _view(scene, pose)
+    walls, boxes = _in_sight(scene, rays, view)
+    _, height, width = rays.d.shape
+    flat = rays.d.reshape(3, -1)
+    best = np.full((height, width), -1.0, np.float32)
+    u, v, log_scale = (np.empty((height, width), np.float32) for _ in range(3))
+    which = np.zeros((height, width), np.int32)
+    for i in walls:
+        s, us, vs = (np.stack([view.s[i], view.u[i], view.v[i]]) @ flat).reshape(3, height, width)
+        _keep(s > best, (best, u, v), (s, us, vs))
+        wins = best == s
+        which[wins] = i * LEVELS
+        log_scale[wins] = view.log_scale[i]
+    for i, rows, columns in boxes:
+        block = (slice(rows[0], rows[1]), slice(columns[0], columns[1]))
+        d = rays.d[:, block[0], block[1]]
+        s, us, vs = np.tensordot(np.stack([view.s[i], view.u[i], view.v[i]]), d, 1)
+        here = best[block]
+        w, h = scene.size[i]
+        hit = (s > here) & (us >= 0.0) & (us <= w * s) & (vs >= 0.0) & (vs <= h * s)
+        _keep(hit, (here, u[block], v[block]), (s, us, vs))
+        which[block][hit] = i * LEVELS
+        log_scale[block][hit] = view.log_scale[i]
+    return _sampled(scene, rays, best, u, v, log_scale, which)
+
+
+def _keep(hit: np.ndarray, to: tuple[np.ndarray, ...], values: tuple[np.ndarray, ...]) -> None:
+    for a, b in zip(to, values, strict=True):
+        np.copyto(a, b, where=hit)
+
+
+_Box = tuple[int, tuple[int, int], tuple[int, int]]
+
+
+def _in_sight(scene: Scene, rays: Rays, view: _View) -> tuple[np.ndarray, list[_Box]]:
+    """Walls in view, and pieces of furniture with the rows and columns they may cover, as found on
+    a coarse grid of rays."""
+    _, height, width = rays.d.shape
+    coarse = rays.d[:, ::_CELL, ::_CELL]
+    shape = coarse.shape[1:]
+    d = np.concatenate([coarse.reshape(3, -1), rays.d[:, -1, ::_CELL], rays.d[:, ::_CELL, -1]], 1)
+    s, us, vs = view.s @ d, view.u @ d, view.v @ d
+    walls = np.flatnonzero(scene.is_wall)
+    nearest = walls[np.unique(s[walls].argmax(0))]
+    grid = shape[0] * shape[1]
+    cell = 24.0 * np.maximum(s[:, :grid], 0.0)
+    w, h = scene.size[:, :1], scene.size[:, 1:]
+    s0, u0, v0 = s[:, :grid], us[:, :grid], vs[:, :grid]
+    near = (s0 > 0) & (u0 > -cell) & (u0 < w * s0 + cell) & (v0 > -cell) & (v0 < h * s0 + cell)
+    boxes = []
+    for i in np.flatnonzero(~scene.is_wall):
+        rows, columns = np.nonzero(near[i].reshape(shape))
+        if len(rows):
+            top, left = ((k.min() - 1) * _CELL for k in (rows, columns))
+            low, far = ((k.max() + 1) * _CELL + 1 for k in (rows, columns))
+            boxes.append((int(i), (max(top, 0), min(low, height)), (max(left, 0), min(far, width))))
+    return nearest, boxes
+
+
+def _sampled(
+    scene: Scene,
+    rays: Rays,
+    s: np.ndarray,
+    us: np.ndarray,
+    vs: np.ndarray,
+    log_scale: np.ndarray,
+    which: np.ndarray,
+) -> np.ndarray:
+    """Grey levels where the rays meet the textures, filtered over two pyramid levels.
+
+    A pixel of angle a at distance r = 1/s on a plane at distance g covers a sqrt(r^3 / g) on it,
+    the geometric mean of its sides."""
+    lod = rays.log_size + log_scale - 1.5 * np.log2(s)
+    np.clip(lod, 0.0, LEVELS - 1.001, out=lod)
+    level = lod.astype(np.int32)
+    fraction = lod - level
+    u, v = us / s, vs / s
+    which += level
+    half = _HALF[level]
+    grey = []
+    for step in range(2):
+        x = u * half + (scene.at_x[which] - np.float32(0.5))
+        y = v * half + (scene.at_y[which] - np.float32(0.5))
+        grey.append(cv2.remap(scene.atlas, x, y, cv2.INTER_LINEAR))
+        if step == 0:
+            which += 1
+            half *= np.float32(0.5)
+    near = grey[0].astype(np.float32)
+    return near + fraction * (grey[1] - near)
+
+
+_HALF = (0.5 ** np.arange(LEVELS)).astype(np.float32)
+
+
+def hit(scene: Scene, pose: Vec, ray: Vec) -> Vec | None:
+    """The place (3,) in the room that a ray (3,) of a camera at `pose` meets first."""
+    R, p = quaternion.matrix(pose[3:]), pose[:3]
+    d = R @ ray
+    gap = ((p - scene.corner) * scene.n).sum(1)
+    toward = -(scene.n @ d)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        r = np.where((gap > 0) & (toward > 1e-9), gap / toward, np.inf)
+    for i in np.argsort(r):
+        if not np.isfinite(r[i]):
+            return None
+        at = p + r[i] * d
+        texel = np.array([scene.right[i], scene.down[i]]) @ (at - scene.corner[i])
+        if scene.is_wall[i] or ((texel >= 0) & (texel <= scene.size[i])).all():
+            return at
+    return None
+
+
+def visible(scene: Scene, position: Vec, place: Vec) -> bool:
+    """Whether nothing stands between a camera at `position` (3,) and a place (3,)."""
+    way = place - position
+    distance = float(np.linalg.norm(way))
+    pose = np.concatenate([position, [1.0, 0.0, 0.0, 0.0]])
+    first = hit(scene, pose, way / distance)
+    return first is not None and float(np.linalg.norm(first - position)) > distance - 1e-3
