@@ -15,7 +15,6 @@ from scene_core.filter.ports import Match, Query
 from scene_core.filter.records import Association, Predictions
 from scene_core.filter.world import Label, Mount, World
 from scene_core.geometry.ellipses import chi2_gate
-from scene_core.models.base import words
 
 
 def query(
@@ -38,7 +37,13 @@ def query(
 
 
 def squared_distance(nu: Vec, S: Mat) -> float:
-    """nu' S^-1 nu."""
+    """nu' S^-1 nu, in closed form up to two dimensions."""
+    if len(nu) == 1:
+        return float(nu[0] * nu[0] / S[0, 0])
+    if len(nu) == 2:
+        (a, b), (_, d) = S.tolist()
+        u, v = nu.tolist()
+        return (d * u * u - 2.0 * b * u * v + a * v * v) / (a * d - b * b)
     return float(nu @ np.linalg.solve(S, nu))
 
 
@@ -81,18 +86,3 @@ def is_wrong(match: Match, mount: Mount) -> bool | None:
     nu = mount.sensor.nu(match.true_z, match.z).nu
     R = mount.sensor.R(match.true_z[None])[0]
     return squared_distance(nu, R) > 25.0
-
-
-def unselected(
-    mount: str, predictions: Sequence[Predictions], chosen: Sequence[Label], budget: int
-) -> list[Association]:
-    """A verdict for every feature that was not searched, with the reason."""
-    done = set(chosen)
-    out = []
-    for p in predictions:
-        for i, label in enumerate(p.labels):
-            if label in done:
-                continue
-            why = words(int(p.fault[i])) or f"{budget} features with a larger score were measured"
-            out.append(Association(mount, label, "not selected", p.h[i], p.E[i] + p.R[i], why=why))
-    return out

@@ -108,8 +108,10 @@ def normalise_features(work: Workspace, world: World, labels: Sequence[Label]) -
             continue
         for i, columns in enumerate(group.columns):
             if not np.array_equal(result.value[i], work.x[columns]):
-                J = None if result.jacobian is None else result.jacobian[i]
-                work.set_block(columns, result.value[i], J)
+                J = result.jacobian
+                work.set_block(
+                    columns, result.value[i], J[i] if J is not None and J.ndim == 3 else J
+                )
 
 
 def counted(world: World, verdicts: Sequence[Association]) -> dict[Label, Feature]:

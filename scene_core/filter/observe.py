@@ -102,13 +102,12 @@ def sensor_state(world: World, mount_id: str, gauss: Gaussian | None = None) -> 
 
 def groups(world: World, labels: Sequence[Label] | None = None) -> list[Group]:
     """Features by model, in the order of their labels."""
-    by_model: dict[int, list[Label]] = {}
+    by_model: dict[FeatureModel, list[Label]] = {}
     features, layout = world.features, world.gauss.layout.by_name
     for label in features if labels is None else labels:
-        by_model.setdefault(id(features[label].model), []).append(label)
+        by_model.setdefault(features[label].model, []).append(label)
     out = []
-    for members in by_model.values():
-        model = features[members[0]].model
+    for model, members in by_model.items():
         starts = np.array([layout[features[label].block].start for label in members])
         columns = starts[:, None] + np.arange(model.state_size)
         pose0 = np.array([features[label].pose0 for label in members])

@@ -91,7 +91,7 @@ class Query:
     warp: Mat
     """(N, m, m): local affine map from the first view to this one."""
     how: Literal["identity", "search"] = "search"
-    """Points: by the identity they carry, or the nearest in the gate. Images are always searched."""
+    """Points: by identity, or the nearest in the gate. Images are always searched."""
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ import numpy as np
 from scene_core.arrays import Mat, Vec
 from scene_core.filter.ports import Frame, Match
 from scene_core.filter.world import Label, World
+from scene_core.models.base import words
 
 Phase = Literal["predict", "internal", "select", "search", "associate", "update", "manage"]
 Verdict = Literal["accepted", "rejected", "no match", "not selected"]
@@ -139,13 +140,32 @@ class Trace:
         )
 
     def associations(self, mount: str | None = None) -> tuple[Association, ...]:
-        """Outcomes of a mount (of all mounts when None)."""
+        """Outcomes of the features that a mount searched (all mounts when None)."""
         return tuple(
             a
             for r in self.records
             if r.phase == "update" and mount in (None, r.mount)
             for a in r.associations
         )
+
+    def outcome(self, mount: str, label: Label) -> Association | None:
+        """What a mount did with a feature this frame, with the reason when it was not searched.
+
+        A view made on demand: building one for every feature would cost as much as the filter.
+        """
+        for a in self.associations(mount):
+            if a.label == label:
+                return a
+        for record in self.records:
+            if record.mount != mount or record.phase != "select":
+                continue
+            for p in record.predictions:
+                i = p.row.get(label)
+                if i is not None and not p.selected[i]:
+                    larger = f"{int(record.numbers['budget'])} features have a larger score"
+                    why = words(int(p.fault[i])) or larger
+                    return Association(mount, label, "not selected", p.h[i], p.S[i], why=why)
+        return None
 
     @property
     def events(self) -> tuple[Event, ...]:

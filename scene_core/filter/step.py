@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from scene_core.filter.associate import judge, query, unselected
+from scene_core.filter.associate import judge, query
 from scene_core.filter.correct import correct
 from scene_core.filter.manage import manage
 from scene_core.filter.observe import predictions, sensor_state, warps, with_selected
@@ -45,9 +45,7 @@ def observe_with(world: World, frame: Frame, source: Source, mount: str) -> Iter
     labels = select(seen, world.policies.selection.budget)
     searched = _timed("search", mount, lambda: _search(world, frame, source, mount, seen, labels))
     yield searched
-    judged = _timed(
-        "associate", mount, lambda: _associate(world, mount, seen, labels, searched.matches)
-    )
+    judged = _timed("associate", mount, lambda: _associate(world, mount, seen, searched.matches))
     yield judged
     updated = _timed(
         "update", mount, lambda: _update(world, mount, searched.matches, judged.associations)
@@ -121,7 +119,6 @@ def _associate(
     world: World,
     mount_id: str,
     seen: tuple[Predictions, ...],
-    labels: tuple[Label, ...],
     matches: tuple[Match, ...],
 ) -> dict[str, Any]:
     where = {label: (p, i) for p in seen for label, i in p.row.items()}
@@ -131,7 +128,6 @@ def _associate(
         p, i = where[match.label]
         R = p.R[i] if match.R is None else match.R
         verdicts.append(judge(mount, match, p.h[i], p.E[i] + R, confidence))
-    verdicts += unselected(mount_id, seen, labels, world.policies.selection.budget)
     return dict(world=world, associations=tuple(verdicts))
 
 

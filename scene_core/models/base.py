@@ -17,6 +17,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from enum import IntFlag
+from functools import cache
 from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
@@ -54,6 +55,7 @@ FAULT_WORDS: Mapping[Fault, str] = {
 }
 
 
+@cache
 def words(fault: int) -> str:
     """The reasons in `fault` as a phrase, empty when measurable."""
     return ", ".join(text for bit, text in FAULT_WORDS.items() if fault & bit)

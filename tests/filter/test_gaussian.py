@@ -60,7 +60,7 @@ def test_sparse_update_is_the_textbook_update(seed: int) -> None:
     for i in range(3):
         R[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = Rs[i]
     work = Workspace(g)
-    S, d2 = work.update(parts, nu, Rs)
+    _, d2 = work.update(parts, nu, Rs)
     x, P = textbook_update(g.x, g.P, H, nu, R)
     np.testing.assert_allclose(work.x, x, rtol=1e-8, atol=1e-9)
     np.testing.assert_allclose(work.P, P, rtol=1e-8, atol=1e-9)
