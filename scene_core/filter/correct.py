@@ -15,8 +15,8 @@ import numpy as np
 
 from scene_core.arrays import Mat
 from scene_core.filter.associate import judge
-from scene_core.filter.gaussian import Rows, Workspace
-from scene_core.filter.observe import groups, innovation_covariance, observe, rows, sensor_state
+from scene_core.filter.gaussian import Rows, Workspace, times_Ht, times_P
+from scene_core.filter.observe import groups, observe, rows, sensor_state
 from scene_core.filter.ports import Match
 from scene_core.filter.predict import normalise_robots
 from scene_core.filter.records import Association
@@ -88,13 +88,14 @@ def _sequential(
         at = sensor_state(world, mount, gauss)
         group = groups(world, [match.label])[0]
         seen = observe(at, group, work.x)
-        R = noise(match, at.mount.sensor.R(seen.h)[0])
-        S = innovation_covariance(work.P, at, seen)[0] + R
+        parts = [rows(at, seen)]
+        HP = times_P(parts, work.P)
+        S = times_Ht(HP, parts) + noise(match, at.mount.sensor.R(seen.h)[0])
         verdict = judge(at.mount, match, seen.h[0], S, confidence)
         final[match.label] = verdict
         if verdict.verdict == "accepted":
             assert verdict.nu is not None
-            work.update([rows(at, seen)], verdict.nu, R)
+            work.gain(HP, S, verdict.nu)
             normalise_robots(work, world)
             normalise_features(work, world, [match.label])
     return final
@@ -106,12 +107,12 @@ def normalise_features(work: Workspace, world: World, labels: Sequence[Label]) -
         result = group.model.normalise(work.x[group.columns])
         if result is None:
             continue
-        for i, columns in enumerate(group.columns):
-            if not np.array_equal(result.value[i], work.x[columns]):
+        for i, label in enumerate(group.labels):
+            block = work.layout[world.features[label].block]
+            if not np.array_equal(result.value[i], work.x[block.slice]):
                 J = result.jacobian
-                work.set_block(
-                    columns, result.value[i], J[i] if J is not None and J.ndim == 3 else J
-                )
+                own = J[i] if J is not None and J.ndim == 3 else J
+                work.set_block(block, result.value[i], own)
 
 
 def counted(world: World, verdicts: Sequence[Association]) -> dict[Label, Feature]:

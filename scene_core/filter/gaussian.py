@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from scene_core.arrays import Mat, Vec
-from scene_core.filter.world import Gaussian, Layout
+from scene_core.filter.world import Block, Gaussian, Layout
 
 
 class FilterError(ArithmeticError):
@@ -118,6 +118,13 @@ class Workspace:
         HP = times_P(parts, self.P)
         S = times_Ht(HP, parts)
         add_noise(S, R)
+        return S, self.gain(HP, S, nu)
+
+    def gain(self, HP: Mat, S: Mat, nu: Vec) -> float:
+        """The update from H P (M, n) and S (M, M) that are already known. Returns d2.
+
+        With S = L L':  V = L^-1 H P,  x += V' L^-1 nu,  P -= V' V.
+        """
         L, info = lapack.dpotrf(S, lower=1, clean=1)
         if info != 0:
             raise FilterError(
@@ -128,13 +135,19 @@ class Workspace:
         w, info = lapack.dtrtrs(L, nu, lower=1)
         self.x += w @ V
         downdate(self.P, V)
-        return S, float(w @ w)
+        return float(w @ w)
 
-    def set_block(self, indices: np.ndarray, value: Vec, J: Mat | None) -> None:
-        """x[indices] = value, a function of the old x[indices] with Jacobian J (None: identity)."""
-        self.x[indices] = value
-        if J is not None:
-            self.transform(indices, indices, J)
+    def set_block(self, block: Block, value: Vec, J: Mat | None) -> None:
+        """The block becomes `value`, a function of itself with Jacobian J (None: identity)."""
+        at, P = block.slice, self.P
+        self.x[at] = value
+        if J is None:
+            return
+        A = J @ P[at]
+        B = A[:, at] @ J.T
+        P[at] = A
+        P[:, at] = A.T
+        P[at, at] = 0.5 * (B + B.T)
 
 
 def add_noise(S: Mat, R: Mat) -> None:

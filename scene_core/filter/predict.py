@@ -110,12 +110,12 @@ def normalise_robots(work: Workspace, world: World) -> None:
     for robot in world.robots.values():
         block = work.layout[robot.block]
         value, J = robot.motion.normalise(work.x[block.slice])
-        work.set_block(block.indices, value, J)
+        work.set_block(block, value, J)
     for mount in world.mounts.values():
         if mount.pose_block in work.layout:
             block = work.layout[mount.pose_block]
             value, J = mount.sensor.space.normalise(work.x[block.slice])
-            work.set_block(block.indices, value, J)
+            work.set_block(block, value, J)
 
 
 def measure_internally(world: World, frame: Frame) -> tuple[World, tuple[InternalUpdate, ...]]:
