@@ -34,14 +34,15 @@ def models(kind: str) -> Mapping[str, type[Any]]:
 
     Raises KeyError for an unknown kind, ValueError when two models share a name.
     """
-    base = KINDS[kind]
+    base: Any = KINDS[kind]
     package = importlib.import_module(f"scene_core.models.{kind}")
     found: dict[str, type[Any]] = {}
     for entry in sorted(pkgutil.iter_modules(package.__path__), key=lambda m: m.name):
         module = importlib.import_module(f"{package.__name__}.{entry.name}")
-        for cls in vars(module).values():
-            own = inspect.isclass(cls) and cls.__module__ == module.__name__
-            if own and issubclass(cls, base) and not inspect.isabstract(cls):
+        members: list[tuple[str, Any]] = inspect.getmembers(module, inspect.isclass)
+        for _, cls in members:
+            own = cls.__module__ == module.__name__ and not inspect.isabstract(cls)
+            if own and base in cls.__mro__:
                 if cls.name in found:
                     raise ValueError(f"two models of kind {kind} are called '{cls.name}'")
                 found[cls.name] = cls
