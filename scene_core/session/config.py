@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from scene_core.filter.policies import Policies
 from scene_core.filter.ports import Source
@@ -87,3 +87,6 @@ class Experiment:
     seed: int = 0
     frames: int | None = None
     """Stop here; None: when the source ends."""
+    align: Literal["none", "se2", "se3", "sim3"] = "none"
+    """How the estimate is brought into the axes of the reference before errors are taken: a
+    recording's reference may be in axes, or at a scale, that the filter can not know."""

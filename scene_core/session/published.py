@@ -1,12 +1,10 @@
-"""What a session shows to the outside: one immutable value, replaced after every phase or command."""
+"""What a session shows to the outside: one immutable value, replaced after every change."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
-
-import numpy as np
 
 from scene_core.arrays import Vec
 from scene_core.filter.records import Event, Trace

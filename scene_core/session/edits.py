@@ -1,0 +1,65 @@
+"""Settings as they are edited: undo and redo, and what a command makes of an experiment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from scene_core import params
+from scene_core.params import ParamError
+from scene_core.session.commands import Redo, ResetParams, SetParam, SwapModel, Undo
+from scene_core.session.config import Experiment
+
+Edit = SetParam | SwapModel | Undo | Redo | ResetParams
+UNDO_STEPS = 100
+
+
+@dataclass(frozen=True)
+class Settings:
+    """An experiment with the edits that led to it: a value, so that stepping back restores it."""
+
+    experiment: Experiment
+    past: tuple[Experiment, ...] = ()
+    """What undo goes back to, oldest first."""
+    future: tuple[Experiment, ...] = ()
+    """What redo goes forward to, next one last."""
+    path: str = ""
+    """The parameter the last edit was about: more edits of it in one gesture are one step."""
+
+    def edited(self, experiment: Experiment, path: str = "", same_step: bool = False) -> Settings:
+        """After one more edit; `same_step` merges it with the last one for undo."""
+        past = self.past if same_step else (*self.past, self.experiment)[-UNDO_STEPS:]
+        return Settings(experiment, past, (), path)
+
+    def undone(self) -> Settings:
+        if not self.past:
+            raise ParamError("nothing to undo: no parameter was changed")
+        return Settings(self.past[-1], self.past[:-1], (*self.future, self.experiment))
+
+    def redone(self) -> Settings:
+        if not self.future:
+            raise ParamError("nothing to redo: no edit was undone")
+        return Settings(self.future[-1], (*self.past, self.experiment), self.future[:-1])
+
+
+def set_param(experiment: Experiment, path: str, value: object) -> Experiment:
+    """The experiment with one validated parameter changed; the path starts with estimator or
+    source."""
+    root = path.partition(".")[0]
+    if root not in ("estimator", "source"):
+        raise ParamError(f"no parameter '{path}': it starts with estimator. or source.")
+    return params.replace(experiment, path, value)
+
+
+def same_value(experiment: Experiment, command: SetParam) -> bool:
+    """Whether an edit would change nothing; a path that does not exist is refused here."""
+    old = params.get(experiment, command.path)
+    value = tuple(command.value) if isinstance(command.value, list) else command.value
+    return type(old) in (bool, int, float, str, tuple) and bool(old == value)
+
+
+def with_seed(experiment: Experiment, seed: int) -> Experiment:
+    """The experiment with its one seed, which a simulation keeps its own copy of."""
+    source = experiment.source
+    if hasattr(source, "seed"):
+        source = replace(source, seed=seed)  # type: ignore[type-var]
+    return replace(experiment, seed=seed, source=source)

@@ -1,0 +1,82 @@
+"""A camera of another model that sees the same images: its calibration by least squares."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from scene_core.arrays import Vec
+from scene_core.models.base import Sensor, completed
+from scene_core.params import ParamError
+
+GRID = 15
+"""Rays along each side of the image."""
+DISTORTION_TERMS = 3
+"""Radial coefficients of a camera that can have any number and is given none."""
+BAD_FIT = 0.02
+"""Of the width of the image: a camera that fits worse than this sees other images."""
+
+
+def fitted(old: Sensor, new: Sensor) -> tuple[Sensor, float]:
+    """`new` with the calibration that predicts, in the least-squares sense, the same measurement
+    as `old` for the rays through a grid over its limits; and the rms of what remains.
+
+    Everything else `new` has by the same name (image size, noise, limits) is taken from `old`.
+    Raises ParamError when there is no such calibration.
+    """
+    if type(old) is type(new):
+        return old, 0.0
+    with_calib = getattr(new, "with_calib", None)
+    if with_calib is None or old.labels != new.labels or old.space is not new.space:
+        raise ParamError(
+            f"'{new.name}' can not take over from '{old.name}': it measures "
+            f"{', '.join(new.labels)}, not {', '.join(old.labels)}"
+        )
+    new = with_same_fields(old, new)
+    z = _grid(old)
+    n = np.zeros((len(z), len(old.unmeasured)))
+    X = old.backproject(z, n, old.calib0).X
+    start = _start(old, new)
+
+    def residual(k: Vec) -> Vec:
+        return (new.project(X, k).h - z).ravel()
+
+    def jacobian(k: Vec) -> Vec:
+        J = completed(new.project(X, k), new.project, X, k).dh_by_dk
+        assert J is not None
+        return J.reshape(-1, len(k))
+
+    # scipy's own annotation of `jac` lacks the callable it documents.
+    fit = least_squares(residual, start, jacobian, x_scale="jac")  # pyright: ignore
+    rms = float(np.sqrt(np.mean(residual(fit.x).reshape(z.shape) ** 2)))
+    if not (np.isfinite(rms) and rms < BAD_FIT * (old.limits[0][1] - old.limits[0][0])):
+        raise ParamError(
+            f"'{new.name}' can not see the same images as '{old.name}': the best calibration is "
+            f"off by {rms:.1f} px rms; bring the distortion nearer to zero first"
+        )
+    sensor = new.with_calib(fit.x)  # type: ignore[attr-defined]
+    return sensor, rms
+
+
+def with_same_fields(old: Any, new: Any) -> Any:
+    """`new` with the values of `old` in all fields of equal name; open tuples get some terms."""
+    there = {f.name for f in fields(old)}
+    shared = {f.name: getattr(old, f.name) for f in fields(new) if f.name in there}
+    new = replace(new, **shared)
+    empty = {f.name: (0.0,) * DISTORTION_TERMS for f in fields(new) if getattr(new, f.name) == ()}
+    return replace(new, **empty)
+
+
+def _grid(sensor: Sensor) -> Vec:
+    """Measurements (GRID^2, 2), half a step inside the limits."""
+    axes = [np.linspace(lo, hi, 2 * GRID + 1)[1::2] for lo, hi in sensor.limits]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+
+
+def _start(old: Sensor, new: Sensor) -> Vec:
+    """Components of equal label from `old`, the others zero: no distortion."""
+    known = dict(zip(old.calib_labels, old.calib0, strict=True))
+    return np.array([known.get(label, 0.0) for label in new.calib_labels])

@@ -1,0 +1,291 @@
+"""The scenarios: complete experiments, each with one sentence about what to look at."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from scene_core import params
+from scene_core.filter.policies import Association, Gate, Management, Policies, Selection, Update
+from scene_core.geometry.spaces import TWO_D
+from scene_core.models.features.inverse_depth import InverseDepth
+from scene_core.models.features.point_1d import Point1D
+from scene_core.models.features.point_2d import Point2D
+from scene_core.models.motion.impulse import Impulse
+from scene_core.models.motion.nomad import PlanarNomad
+from scene_core.models.motion.odometry_3d import Odometry3D
+from scene_core.models.motion.unicycle import PlanarUnicycle
+from scene_core.models.motion.velocity_1d import Velocity1D
+from scene_core.models.sensors.distance_1d import Distance1D
+from scene_core.models.sensors.pinhole import Pinhole
+from scene_core.models.sensors.range_bearing import RangeBearing
+from scene_core.params import ParamError
+from scene_core.session.alignment import Alignment
+from scene_core.session.config import (
+    EstimatorSettings,
+    Experiment,
+    KnownFeature,
+    MountSettings,
+    RobotSettings,
+)
+from scene_core.sources.calibration import Calibration, load_calibration
+from scene_core.sources.datasets import Mrclam
+from scene_core.sources.drivers import ConstantControls, Shuttle, Waypoints
+from scene_core.sources.images import ImageSequence
+from scene_core.sources.simulated import Simulation
+from scene_core.sources.truth import TrueMount, TrueRobot
+from scene_core.sources.worlds import Field, Line, ThickCloister
+
+ALL = 500
+"""A number of features that stands for: as many as there are."""
+
+
+@dataclass(frozen=True)
+class Preset:
+    """A scenario by name."""
+
+    name: str
+    about: str
+    make: Callable[[], Experiment] | None
+    """None: it needs files."""
+    needs: str = ""
+    """The flags that name the files."""
+
+
+def cloister() -> Experiment:
+    """The default experiment of Solà's toolbox (`userData`): a circle in a cloister of 72 points.
+
+    Source: An EKF-SLAM toolbox in Matlab, section 4 and appendix (userData.m).
+    """
+    camera = Pinhole(
+        width=640, height=480, u0=320.0, v0=240.0, f_u=320.0, f_v=320.0,
+        distortion=(-0.3, 0.1), sd_px=1.0, border=0.0, max_scale=0.0, max_angle=0.0,
+    )  # fmt: skip
+    pose = (0.0, 0.0, 0.6, 0.5, -0.5, 0.5, -0.5)
+    start = {"x": 0.0, "y": -5.0, "z": 0.0}
+    policies = Policies(
+        landmark=InverseDepth(rho_mean=0.01, rho_sd=0.5, linearity=0.1, pole="z"),
+        selection=Selection(budget=10, score="determinant"),
+        association=Association("identity"),
+        gate=Gate(confidence=-math.expm1(-4.5)),
+        update=Update("sequential"),
+        management=Management(
+            keep_visible=ALL,
+            max_new=1,
+            max_new_first=5,
+            max_features=73,
+            min_attempts=10,
+            min_match_ratio=0.1,
+            min_accept_ratio=0.5,
+        ),
+    )
+    circle = ConstantControls({"dx": 0.08, "az": math.radians(0.9)})
+    return Experiment(
+        name="cloister",
+        about=ABOUT["cloister"],
+        estimator=EstimatorSettings(
+            robots={"robot": RobotSettings(Odometry3D(), start)},
+            mounts={"camera": MountSettings(camera, "robot", pose)},
+            policies=policies,
+            up="z",
+        ),
+        source=Simulation(
+            world=ThickCloister(),
+            robots={"robot": TrueRobot(Odometry3D(), circle, start, noise_on="controls")},
+            # New landmarks keep 1/25 of the width from the border, as in the toolbox.
+            mounts={"camera": TrueMount(camera, "robot", pose, margin=640 / 25)},
+            dt=0.1,
+            up="z",
+        ),
+        frames=400,
+    )
+
+
+def line() -> Experiment:
+    """Scene's one-dimensional tutorial world."""
+    policies = Policies(
+        landmark=Point1D(),
+        selection=Selection(budget=10),
+        management=Management(keep_visible=ALL, max_new=2, max_new_first=10, min_match_ratio=0.0),
+    )
+    return Experiment(
+        name="line",
+        about=ABOUT["line"],
+        estimator=EstimatorSettings(
+            robots={"robot": RobotSettings(Velocity1D(), {"z": 0.0})},
+            mounts={"range": MountSettings(Distance1D(), "robot", (0.0,))},
+            policies=policies,
+            up="z",
+        ),
+        source=Simulation(
+            world=Line(),
+            robots={"robot": TrueRobot(Velocity1D(), Shuttle(), {"z": 0.0})},
+            mounts={"range": TrueMount(Distance1D(), "robot", (0.0,))},
+            dt=0.1,
+            up="z",
+        ),
+    )
+
+
+def nomad() -> Experiment:
+    """Scene's planar robot with its velocity scale in the state: truth 0.9, belief 1.0 +- 0.2."""
+    sensor = RangeBearing(sd_range=0.05, sd_bearing=0.02, reach_max=4.0)
+    corners = ((3.2, 2.4), (3.2, -2.4), (-3.2, -2.4), (-3.2, 2.4))
+    policies = Policies(
+        landmark=Point2D(),
+        selection=Selection(budget=20),
+        management=Management(
+            keep_visible=ALL, max_new=5, max_new_first=20, max_features=60, min_match_ratio=0.0
+        ),
+    )
+    start = {"z": 3.2, "x": 2.4, "S": -math.pi / 2, "T": -math.pi / 2}
+    return Experiment(
+        name="nomad",
+        about=ABOUT["nomad"],
+        estimator=EstimatorSettings(
+            robots={"nomad": RobotSettings(PlanarNomad(), start, calib_sd={"speed scale": 0.2})},
+            mounts={"scanner": MountSettings(sensor, "nomad", (0.0, 0.0, 0.0))},
+            policies=policies,
+            up="y",
+        ),
+        source=Simulation(
+            world=Field(),
+            robots={
+                "nomad": TrueRobot(
+                    PlanarNomad(), Waypoints(corners), start, calib={"speed scale": 0.9}
+                )
+            },
+            mounts={"scanner": TrueMount(sensor, "nomad", (0.0, 0.0, 0.0))},
+            dt=0.1,
+            up="y",
+        ),
+    )
+
+
+def mrclam(path: str, robot: int = 2) -> Experiment:
+    """A log of the UTIAS MRCLAM data set, started at the true pose; noise from its description."""
+    source = Mrclam(path=path, robot_number=robot)
+    start = {s: float(x) for s, x in zip(TWO_D.labels, source.start_pose(), strict=True)}
+    sensor = RangeBearing(sd_range=0.2, sd_bearing=0.08, reach_min=0.05, reach_max=12.0)
+    policies = Policies(
+        landmark=Point2D(),
+        selection=Selection(budget=50),
+        # The camera sees 60 degrees, the sensor model all round: searches in vain mean nothing.
+        management=Management(
+            keep_visible=ALL,
+            max_new=20,
+            max_new_first=20,
+            min_match_ratio=0.0,
+            min_accept_ratio=0.0,
+        ),
+    )
+    return Experiment(
+        name="mrclam",
+        about=ABOUT["mrclam"],
+        estimator=EstimatorSettings(
+            robots={source.robot: RobotSettings(PlanarUnicycle(sd_v=0.1, sd_w=0.5), start)},
+            mounts={source.mount: MountSettings(sensor, source.robot, (0.0, 0.0, 0.0))},
+            policies=policies,
+            up="z",
+        ),
+        source=source,
+        align="se2",
+    )
+
+
+IMAGE_START_SD: Mapping[str, float] = dict.fromkeys(("vx", "vy", "vz"), 0.2) | dict.fromkeys(
+    ("wx", "wy", "wz"), 0.3
+)
+"""m/s and rad/s: somebody holds the camera when a recording says nothing about its start."""
+
+
+def images(
+    path: str,
+    calibration: str,
+    reference: str = "",
+    reference_time: bool = False,
+    align: Alignment = "none",
+) -> Experiment:
+    """Monocular SLAM on a folder of images or a video."""
+    known = load_calibration(calibration, path)
+    sensor, rate = known.sensor, known.frame_rate
+    source = ImageSequence(
+        path=path,
+        width=sensor.width,
+        height=sensor.height,
+        reference=reference,
+        reference_time=reference_time,
+    )
+    if rate is not None:
+        source = replace(source, frame_rate=rate)
+    policies = Policies(
+        landmark=InverseDepth(rho_mean=0.5, rho_sd=0.5, pole="y" if known.up == "y" else "z"),
+        selection=Selection(budget=12),
+        association=Association("search"),
+        management=Management(max_new_first=1 if known.known else 12),
+    )
+    estimator = EstimatorSettings(
+        robots={
+            source.robot: RobotSettings(Impulse(), known.start, known.start_sd or IMAGE_START_SD)
+        },
+        mounts={source.mount: MountSettings(sensor, source.robot, known.pose)},
+        policies=policies,
+        known=tuple(KnownFeature(k.position, k.patch, k.sd) for k in known.known),
+        up=known.up,
+    )
+    estimator = _with_settings(estimator, known, calibration)
+    about = f"{ABOUT['images']} Here: {Path(path).name}."
+    return Experiment("images", about, estimator, source, align=align)
+
+
+def _with_settings(
+    estimator: EstimatorSettings, known: Calibration, file: str
+) -> EstimatorSettings:
+    for path, value in known.settings.items():
+        try:
+            estimator = params.replace(estimator, path, value)
+        except ParamError as e:
+            raise ParamError(f"{file}, [estimator] {e}") from e
+    return estimator
+
+
+ABOUT: Mapping[str, str] = {
+    "cloister": "The toolbox's robot drives a circle among 72 points: watch rays shrink to "
+    "ellipsoids, and the error stay inside its bounds.",
+    "line": "A cart on a line measures six landmarks: the smallest SLAM there is; watch the "
+    "covariance matrix fill.",
+    "nomad": "A planar robot finds out that it is slower than it believes: its velocity scale is "
+    "part of the state and goes from 1.0 to 0.9.",
+    "images": "A hand-held camera's recording: features are found, matched and forgotten in real "
+    "images.",
+    "mrclam": "A real robot's log with identified landmarks: dead reckoning is corrected, the true "
+    "path lies beside the estimate.",
+}
+
+PRESETS: Mapping[str, Preset] = {
+    p.name: p
+    for p in (
+        Preset("cloister", ABOUT["cloister"], cloister),
+        Preset("line", ABOUT["line"], line),
+        Preset("nomad", ABOUT["nomad"], nomad),
+        Preset("images", ABOUT["images"], None, "--images DIR|FILE --calib FILE"),
+        Preset("mrclam", ABOUT["mrclam"], None, "--mrclam DIR"),
+    )
+}
+
+
+def loadable() -> tuple[str, ...]:
+    """Names of the scenarios that need no file."""
+    return tuple(p.name for p in PRESETS.values() if p.make)
+
+
+def build(name: str) -> Experiment:
+    """A scenario by name. Raises ParamError for an unknown one, or one that needs files."""
+    if name not in PRESETS:
+        raise ParamError(f"no preset '{name}': choose one of {', '.join(PRESETS)}")
+    preset = PRESETS[name]
+    if preset.make is None:
+        raise ParamError(f"preset '{name}' needs files: start with {preset.needs}")
+    return preset.make()

@@ -1,0 +1,131 @@
+"""What can be swapped in an experiment, and the settings a swap leads to."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+from scene_core import params
+from scene_core.models import registry
+from scene_core.params import ParamError
+from scene_core.session.config import Experiment, MountSettings, RobotSettings
+from scene_core.session.fit import fitted
+from scene_core.session.published import RoleOptions
+from scene_core.session.start import sd_labels, start_state
+
+CHOICES = {
+    "estimator.policies.selection.score": "Selection score",
+    "estimator.policies.association.kind": "Association",
+    "estimator.policies.update.kind": "Update",
+}
+LANDMARK = "estimator.policies.landmark"
+
+
+def role_options(experiment: Experiment) -> tuple[RoleOptions, ...]:
+    """The rows of the Models tab: what there is of the same dimension. A choice that makes no
+    sense is refused with its reason when it is made."""
+    estimator = experiment.estimator
+    out = []
+    for name, robot in estimator.robots.items():
+        options = _names("motion", space=robot.motion.space)
+        role = f"estimator.robots.{name}.motion"
+        out.append(RoleOptions(role, f"Motion of {name}", robot.motion.name, options))
+    for name, mount in estimator.mounts.items():
+        options = _names("sensors", space=mount.sensor.space, labels=mount.sensor.labels)
+        role = f"estimator.mounts.{name}.sensor"
+        out.append(RoleOptions(role, f"Sensor {name}", mount.sensor.name, options))
+    landmark = estimator.policies.landmark
+    options = _names("features", space=landmark.space)
+    out.append(RoleOptions(LANDMARK, "New landmarks", landmark.name, options))
+    specs = {s.path: s for s in params.schema(estimator.policies, "estimator.policies")}
+    for path, title in CHOICES.items():
+        out.append(RoleOptions(path, title, specs[path].value, specs[path].choices or ()))
+    for name, mount in _true_mounts(experiment).items():
+        options = _names("sensors", space=mount.sensor.space, labels=mount.sensor.labels)
+        role = f"source.mounts.{name}.sensor"
+        out.append(RoleOptions(role, f"Truth: sensor {name}", mount.sensor.name, options))
+    return tuple(out)
+
+
+def swapped(
+    experiment: Experiment, base: Experiment, role: str, name: str
+) -> tuple[Experiment, str]:
+    """The experiment with another model in a role, and a sentence about what was fitted.
+
+    The scenario's own model comes back with the scenario's own parameters. Raises ParamError with
+    the reason when the swap makes no sense.
+    """
+    if role in CHOICES:
+        return params.replace(experiment, role, name), ""
+    known = {r.role: r for r in role_options(experiment)}
+    if role not in known:
+        raise ParamError(f"no role '{role}': choose one of {', '.join(known)}")
+    if name not in known[role].options:
+        raise ParamError(f"no model '{name}' for {role}: choose {', '.join(known[role].options)}")
+    if name == known[role].current:
+        return experiment, f"{known[role].title} is already '{name}'"
+    if role == LANDMARK:
+        return _with_landmark(experiment, base, name), ""
+    owner_path = role.rpartition(".")[0]
+    owner, original = params.get(experiment, owner_path), params.get(base, owner_path)
+    if role.endswith(".motion"):
+        after, note = _with_motion(owner, original, name), ""
+    elif original.sensor.name == name:
+        after, note = original, "the scenario's own calibration"
+    else:
+        after, note = _with_sensor(owner, name)
+    return params.put(experiment, owner_path, after), note
+
+
+def _names(kind: str, **same: Any) -> tuple[str, ...]:
+    """Names of the models of a kind whose class attributes are as given."""
+    found = registry.models(kind).items()
+    return tuple(n for n, cls in found if all(getattr(cls, k) == v for k, v in same.items()))
+
+
+def _true_mounts(experiment: Experiment) -> dict[str, Any]:
+    """The simulator's own mounts; a recording has none."""
+    mounts = getattr(experiment.source, "mounts", None)
+    return dict(mounts) if isinstance(mounts, dict) else {}
+
+
+def _with_landmark(experiment: Experiment, base: Experiment, name: str) -> Experiment:
+    original = base.estimator.policies.landmark
+    model = original if original.name == name else registry.model_class("features", name)()
+    for mount in experiment.estimator.mounts.values():
+        reason = registry.compatible(mount.sensor, model)
+        if reason:
+            raise ParamError(reason)
+    return params.put(experiment, LANDMARK, model)
+
+
+def _with_motion(settings: RobotSettings, original: RobotSettings, name: str) -> RobotSettings:
+    """Another motion model. Where the robot starts is said in the new model's components; those
+    it did not have start as its `lift` says."""
+    if original.motion.name == name:
+        return original
+    motion = registry.model_class("motion", name)()
+    xv, _ = start_state("start", settings)
+    lifted = motion.lift(settings.motion.xp(xv).xp)
+    labels = motion.state_labels
+    start = {s: float(x) for s, x in zip(labels, lifted.xv, strict=True)}
+    start |= {s: x for s, x in settings.start.items() if s in labels}
+    rest = zip(labels, lifted.P_rest.diagonal(), strict=True)
+    sd = {s: math.sqrt(v) for s, v in rest if v > 0 and s not in settings.motion.state_labels}
+    sd |= {s: x for s, x in settings.start_sd.items() if s in sd_labels(labels)}
+    calib_sd = {s: x for s, x in settings.calib_sd.items() if s in motion.calib_labels}
+    return replace(settings, motion=motion, start=start, start_sd=sd, calib_sd=calib_sd)
+
+
+def _with_sensor(settings: MountSettings | Any, name: str) -> tuple[Any, str]:
+    """Another sensor that sees the same; of a mount of the estimator or of the simulator."""
+    sensor, rms = fitted(settings.sensor, registry.model_class("sensors", name)())
+    labels = sensor.calib_labels
+    if isinstance(settings, MountSettings):
+        kept = {s: x for s, x in settings.calib_sd.items() if s in labels}
+        after = replace(settings, sensor=sensor, calib_sd=kept)
+    else:
+        after = replace(settings, sensor=sensor, calib={})
+    unit = sensor.units[0]
+    return after, f"calibration fitted so that it sees the same, to {rms:.2g} {unit} rms"

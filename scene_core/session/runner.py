@@ -1,0 +1,262 @@
+"""The thread that owns a session: takes commands from a queue, keeps pace, publishes.
+
+Browser callbacks only `post`; readers only look at `latest`. There is no lock.
+"""
+
+from __future__ import annotations
+
+import math
+import queue
+import sys
+import threading
+import traceback
+from collections.abc import Callable
+from time import monotonic
+from typing import Literal
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from scene_core.filter.gaussian import FilterError
+from scene_core.filter.ports import EndOfData, SourceError
+from scene_core.params import ParamError
+from scene_core.session import presets
+from scene_core.session.commands import Command, LoadPreset, Seek, Select, SetSpeed, Transport
+from scene_core.session.published import Failure, Published, RoleOptions
+from scene_core.session.roles import role_options
+from scene_core.session.session import Session
+
+PUBLISH_HZ = 60.0
+LATE_S = 0.25
+"""A run that is later than this gives up catching up: the real-time factor says so."""
+
+
+class Runner:
+    """Runs a session in a thread of its own. Use as a context manager or call start and stop."""
+
+    def __init__(self, session: Session, playing: bool = False) -> None:
+        self._session = session
+        self._queue: queue.SimpleQueue[Command | None] = queue.SimpleQueue()
+        self._mode: Literal["playing", "paused", "finished"] = "playing" if playing else "paused"
+        self._speed = 1.0
+        self._pace = Pace()
+        self._failure: Failure | None = None
+        self._seq = 0
+        self._published_at = -math.inf
+        self._roles: tuple[object, tuple[RoleOptions, ...]] = (None, ())
+        self.latest: Published = self._published()
+        """The session as it stands; replaced as a whole, never changed."""
+        self._thread = threading.Thread(target=self._loop, name="ekf", daemon=True)
+
+    def start(self) -> Runner:
+        self._thread.start()
+        return self
+
+    def post(self, command: Command) -> None:
+        """Ask for something; from any thread, returns at once."""
+        self._queue.put(command)
+
+    def stop(self, timeout: float = 5.0) -> None:
+        """End the thread after the phase it is in."""
+        self._queue.put(None)
+        if self._thread.is_alive():
+            self._thread.join(timeout)
+
+    def __enter__(self) -> Runner:
+        return self.start()
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    # The thread.
+
+    def _loop(self) -> None:
+        # The default of 5 ms lets a busy server thread stall every hand-over of the interpreter.
+        sys.setswitchinterval(1e-3)
+        threadpool_limits(1)
+        while True:
+            command = self._wait()
+            if command is None:
+                return
+            if isinstance(command, Nothing):
+                self._play()
+            else:
+                self._obey(command)
+
+    def _wait(self) -> Command | Nothing | None:
+        """The next command, NOTHING when it is time for the next phase, None to stop."""
+        try:
+            if self._mode != "playing":
+                return self._queue.get()
+            if self._session.half_stepped:
+                return self._queue.get_nowait()
+            wait = self._pace.wait(self._speed)
+            return self._queue.get(timeout=wait) if wait > 0 else self._queue.get_nowait()
+        except queue.Empty:
+            return NOTHING
+
+    def _play(self) -> None:
+        if self._guarded(self._session.step_phase) and not self._session.half_stepped:
+            self._pace.frame_done(self._session.experiment.source.frame_rate, self._speed)
+            if monotonic() - self._published_at >= 1.0 / PUBLISH_HZ:
+                self._publish()
+
+    def _obey(self, command: Command) -> None:
+        if not isinstance(command, Select):
+            self._failure = None
+        match command:
+            case Transport(action="play"):
+                self._set_playing(True)
+            case Transport(action="pause"):
+                self._set_playing(False)
+            case Transport(action="toggle"):
+                self._set_playing(self._mode != "playing")
+            case Transport(action="reset"):
+                if self._guarded(lambda: self._session.apply(command)):
+                    self._mode = "paused" if self._mode == "finished" else self._mode
+            case Transport() | Seek():
+                self._set_playing(False)
+                self._guarded(lambda: self._session.apply(command))
+            case SetSpeed(factor):
+                self._set_speed(factor)
+            case LoadPreset(name):
+                if self._guarded(lambda: self._session.load(presets.build(name))):
+                    self._mode = "paused" if self._mode == "finished" else self._mode
+                    self._pace = Pace()
+            case _:
+                playing = self._mode == "playing"
+                self._guarded(lambda: self._session.apply(command, playing))
+        self._publish()
+
+    def _set_playing(self, playing: bool) -> None:
+        self._mode = "playing" if playing else "paused"
+        self._pace = Pace()
+
+    def _set_speed(self, factor: float) -> None:
+        if not factor > 0:
+            self._session.message = f"speed {factor:g}: give a factor above 0; 1 is real time"
+            return
+        self._speed = factor
+        self._pace = Pace()
+        self._session.message = (
+            "as fast as possible" if factor == math.inf else f"{factor:g} x real time"
+        )
+
+    def _guarded(self, work: Callable[[], object]) -> bool:
+        """Do something that may fail; a failure pauses the run and says why. The session keeps the
+        state of its last good frame."""
+        try:
+            work()
+            return True
+        except EndOfData:
+            self._mode = "finished"
+            self._session.message = "the end: step back, seek or reset to go on"
+        except ParamError as e:
+            # A refused command; while playing it is the frame's own settings that do not fit.
+            self._session.message = str(e)
+            if work == self._session.step_phase:
+                self._mode, self._failure = "paused", failure(e, self._session.frame + 1)
+        except Exception as e:
+            # Whatever a model raises, the thread lives on: the page shows why it paused.
+            self._mode = "paused"
+            self._failure = failure(e, self._session.frame + 1)
+        self._publish()
+        return False
+
+    def _publish(self) -> None:
+        self._published_at = monotonic()
+        self.latest = self._published()
+
+    def _published(self) -> Published:
+        s = self._session
+        self._seq += 1
+        if self._roles[0] is not s.settings.experiment:
+            self._roles = (s.settings.experiment, role_options(s.settings.experiment))
+        return Published(
+            seq=self._seq,
+            run=s.run,
+            experiment=s.experiment,
+            pending=s.pending,
+            base=s.base,
+            roles=self._roles[1],
+            presets=presets.loadable(),
+            mode=self._mode,
+            trace=s.trace,
+            first_frame=s.first_frame,
+            last_frame=s.last_frame,
+            frame_count=s.frame_count,
+            speed=self._speed,
+            real_time_factor=self._pace.factor if self._mode == "playing" else 0.0,
+            series=s.metrics.series(),
+            light=s.metrics.light(),
+            events=s.events,
+            message=s.message,
+            failure=self._failure,
+            selected=s.selected,
+            can_undo=bool(s.settings.past),
+            can_redo=bool(s.settings.future),
+        )
+
+
+class Nothing:
+    """What `_wait` returns when no command came."""
+
+
+NOTHING = Nothing()
+
+
+class Pace:
+    """When the next frame is due, and how fast frames really come."""
+
+    def __init__(self) -> None:
+        self._due = monotonic()
+        self._done: list[tuple[float, float]] = []
+        """Wall time and seconds of data of the latest frames."""
+
+    def wait(self, speed: float) -> float:
+        """Seconds until the next frame is due."""
+        return self._due - monotonic() if math.isfinite(speed) else 0.0
+
+    def frame_done(self, rate: float, speed: float) -> None:
+        now = monotonic()
+        self._done = [*self._done[-59:], (now, 1.0 / rate)]
+        self._due = max(self._due + 1.0 / (rate * speed), now - LATE_S)
+
+    @property
+    def factor(self) -> float:
+        """Seconds of data per second of wall time, over the latest frames."""
+        if len(self._done) < 2:
+            return 0.0
+        elapsed = self._done[-1][0] - self._done[0][0]
+        return sum(dt for _, dt in self._done[1:]) / elapsed if elapsed > 0 else 0.0
+
+
+def failure(error: Exception, frame: int) -> Failure:
+    """One sentence about why a frame could not be computed; the traceback only when a model from
+    outside this package raised."""
+    where = f"Frame {frame} was dropped, the run is paused at the last good one"
+    if isinstance(error, (SourceError, FilterError, ParamError)):
+        return Failure(f"{where}: {error}.")
+    user = user_file(error)
+    if user:
+        details = "".join(traceback.format_exception(error))
+        return Failure(f"{where}: {user} raised {type(error).__name__}: {error}.", details)
+    if isinstance(error, (np.linalg.LinAlgError, FloatingPointError, ZeroDivisionError)):
+        return Failure(
+            f"{where}: the numbers broke down ({error}); undo the last edit and redo the frame."
+        )
+    return Failure(
+        f"{where}: {type(error).__name__}: {error}; undo the last edit and redo the frame, or reset."
+    )
+
+
+def user_file(error: Exception) -> str:
+    """The file outside this package and the libraries in which an error was raised, or nothing."""
+    package = str(presets.__file__).rsplit("session", 1)[0]
+    frames = traceback.extract_tb(error.__traceback__)
+    outside = [
+        f.filename
+        for f in frames
+        if not f.filename.startswith(package) and "site-packages" not in f.filename
+    ]
+    return outside[-1] if outside and "/lib/python" not in outside[-1] else ""

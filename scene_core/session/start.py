@@ -1,0 +1,230 @@
+"""The estimator's first state, built from an experiment's settings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from scene_core.arrays import Mat, Vec, block_diag, frozen
+from scene_core.filter.observe import sensor_state
+from scene_core.filter.world import Feature, Gaussian, Instrument, Layout, Mount, Robot, World
+from scene_core.geometry.spaces import THREE_D, Space
+from scene_core.models.base import FeatureModel, MotionModel
+from scene_core.params import ParamError
+from scene_core.session.config import (
+    EstimatorSettings,
+    Experiment,
+    InstrumentSettings,
+    KnownFeature,
+    MountSettings,
+    RobotSettings,
+)
+from scene_core.sources.vision import load_patch
+
+QUATERNION = ("qw", "qx", "qy", "qz")
+ROTATION = ("rx", "ry", "rz")
+
+
+def initial_world(experiment: Experiment) -> World:
+    """The World before frame 0: blocks robot, robot calibration, mount pose, mount calibration,
+    known feature, in this order; independent of each other.
+
+    Raises ParamError naming the table and the label that does not fit.
+    """
+    settings = experiment.estimator
+    sizes: dict[str, int] = {}
+    means: list[Vec] = []
+    covs: list[Mat] = []
+
+    def add(name: str, mean: Vec, cov: Mat) -> None:
+        sizes[name] = len(mean)
+        means.append(mean)
+        covs.append(cov)
+
+    robots = {i: Robot(i, r.motion) for i, r in settings.robots.items()}
+    mounts = {i: _mount(settings, i, m) for i, m in settings.mounts.items()}
+    for i, robot in settings.robots.items():
+        add(robots[i].block, *start_state(f"estimator.robots.{i}", robot))
+    for i, robot in settings.robots.items():
+        if robot.calib_sd:
+            at, motion = f"estimator.robots.{i}.calib_sd", robot.motion
+            add(
+                robots[i].calib_block,
+                motion.calib0,
+                _diagonal(at, motion.calib_labels, robot.calib_sd),
+            )
+    for i, mount in settings.mounts.items():
+        at, sensor = f"estimator.mounts.{i}", mount.sensor
+        if mount.pose_sd:
+            cov = _state_cov(f"{at}.pose_sd", sensor.space.labels, mounts[i].pose, mount.pose_sd)
+            add(mounts[i].pose_block, mounts[i].pose, cov)
+        if mount.calib_sd:
+            cov = _diagonal(f"{at}.calib_sd", sensor.calib_labels, mount.calib_sd)
+            add(mounts[i].calib_block, sensor.calib0, cov)
+    for label, known in enumerate(settings.known, 1):
+        position = _known_position(settings, label, known)
+        add(f"feature:{label}", position, np.eye(len(position)) * known.sd**2)
+
+    world = World(
+        frame=-1,
+        time=0.0,
+        gauss=Gaussian(
+            frozen(np.concatenate(means) if means else np.zeros(0)),
+            frozen(block_diag(covs)),
+            Layout.of(sizes),
+        ),
+        robots=robots,
+        mounts=mounts,
+        instruments={i: _instrument(settings, i, m) for i, m in settings.instruments.items()},
+        features={},
+        policies=settings.policies,
+        up=settings.up,
+        next_label=len(settings.known) + 1,
+    )
+    return _with_known(world, experiment)
+
+
+def start_state(at: str, robot: RobotSettings) -> tuple[Vec, Mat]:
+    """Mean and covariance of a robot's state xv from its start and start_sd by label."""
+    motion = robot.motion
+    unknown = [label for label in robot.start if label not in motion.state_labels]
+    if unknown:
+        raise ParamError(
+            f"{at}.start has no component '{unknown[0]}': the state of the motion model "
+            f"'{motion.name}' is {', '.join(motion.state_labels)}"
+        )
+    xv = np.array([robot.start.get(s, 1.0 if s == "qw" else 0.0) for s in motion.state_labels])
+    if not np.isfinite(xv).all():
+        raise ParamError(f"{at}.start: give finite numbers")
+    if set(QUATERNION) <= set(motion.state_labels):
+        q = xv[[motion.state_labels.index(s) for s in QUATERNION]]
+        if np.linalg.norm(q) < 1e-6:
+            raise ParamError(f"{at}.start: the quaternion qw, qx, qy, qz may not be zero")
+    xv = motion.normalise(xv).value
+    return xv, _state_cov(f"{at}.start_sd", motion.state_labels, xv, robot.start_sd)
+
+
+def sd_labels(state_labels: tuple[str, ...]) -> tuple[str, ...]:
+    """Labels an initial standard deviation may be given for: a quaternion's are rx, ry, rz."""
+    plain = tuple(s for s in state_labels if s not in QUATERNION)
+    return plain + ROTATION if "qw" in state_labels else plain
+
+
+def final_model(model: FeatureModel) -> FeatureModel:
+    """The last parametrisation in the chain of successors: what a known feature is."""
+    while (successor := model.successor()) is not None:
+        model = successor
+    return model
+
+
+def _state_cov(at: str, labels: tuple[str, ...], x: Vec, sd: Mapping[str, float]) -> Mat:
+    allowed = sd_labels(labels)
+    _check_sd(at, allowed, sd)
+    P = np.diag([float(sd.get(label, 0.0)) ** 2 for label in labels])
+    if "qw" in labels:
+        at_q = [labels.index(s) for s in QUATERNION]
+        pose = np.concatenate([np.zeros(3), x[at_q]])
+        G = THREE_D.from_tangent(pose)[3:, 3:]
+        rotation = np.diag([float(sd.get(label, 0.0)) ** 2 for label in ROTATION])
+        P[np.ix_(at_q, at_q)] = G @ rotation @ G.T
+    return P
+
+
+def _diagonal(at: str, labels: tuple[str, ...], sd: Mapping[str, float]) -> Mat:
+    _check_sd(at, labels, sd)
+    return np.diag([float(sd.get(label, 0.0)) ** 2 for label in labels])
+
+
+def _check_sd(at: str, allowed: tuple[str, ...], sd: Mapping[str, float]) -> None:
+    for label, value in sd.items():
+        if label not in allowed:
+            known = ", ".join(allowed) or "nothing"
+            raise ParamError(f"{at} has no component '{label}': it may hold {known}")
+        if not (np.isfinite(value) and value >= 0):
+            raise ParamError(f"{at}.{label} = {value}: a standard deviation is finite and >= 0")
+
+
+def _mount(settings: EstimatorSettings, name: str, mount: MountSettings) -> Mount:
+    at = f"estimator.mounts.{name}"
+    if mount.robot not in settings.robots:
+        known = ", ".join(settings.robots)
+        raise ParamError(f"{at}.robot = '{mount.robot}': there is no such robot, only {known}")
+    motion: MotionModel = settings.robots[mount.robot].motion
+    if mount.hook not in motion.hooks:
+        known = ", ".join(motion.hooks)
+        raise ParamError(f"{at}.hook = '{mount.hook}': '{motion.name}' has the hooks {known}")
+    space: Space = mount.sensor.space
+    if len(mount.pose) != space.n or not np.isfinite(mount.pose).all():
+        raise ParamError(f"{at}.pose: give {space.n} finite numbers ({', '.join(space.labels)})")
+    if space.d < motion.space.d:
+        raise ParamError(
+            f"{at}.sensor: '{mount.sensor.name}' lives in {space.d}-D and can not be carried by "
+            f"'{motion.name}' in {motion.space.d}-D"
+        )
+    pose = np.asarray(mount.pose, dtype=np.float64)
+    if space.n == THREE_D.n and np.linalg.norm(pose[3:]) < 1e-6:
+        raise ParamError(f"{at}.pose: its quaternion (the last four numbers) may not be zero")
+    return Mount(name, mount.sensor, mount.robot, mount.hook, frozen(space.normalise(pose)[0]))
+
+
+def _instrument(settings: EstimatorSettings, name: str, one: InstrumentSettings) -> Instrument:
+    at = f"estimator.instruments.{name}"
+    if one.robot not in settings.robots:
+        known = ", ".join(settings.robots)
+        raise ParamError(f"{at}.robot = '{one.robot}': there is no such robot, only {known}")
+    return Instrument(name, one.robot, one.model)
+
+
+def _known_position(settings: EstimatorSettings, label: int, known: KnownFeature) -> Vec:
+    model = final_model(settings.policies.landmark)
+    position = np.asarray(known.position, dtype=np.float64)
+    if position.shape != (model.state_size,) or not np.isfinite(position).all():
+        raise ParamError(
+            f"estimator.known {label}.position: give {model.state_size} finite numbers "
+            f"({', '.join(model.state_labels)}) for '{model.name}'"
+        )
+    if not (np.isfinite(known.sd) and known.sd >= 0):
+        raise ParamError(f"estimator.known {label}.sd = {known.sd}: give a finite number >= 0")
+    return position
+
+
+def _with_known(world: World, experiment: Experiment) -> World:
+    known = experiment.estimator.known
+    if not known:
+        return world
+    if not world.mounts:
+        raise ParamError("estimator.known: known features need a sensor that sees them")
+    mount = next(iter(world.mounts))
+    model = final_model(world.policies.landmark)
+    at = sensor_state(world, mount)
+    sensor, pose0 = at.mount.sensor, at.xws
+    features = {}
+    for label, one in enumerate(known, 1):
+        X_W = model.primitive(world.gauss.mean(f"feature:{label}")[None]).X
+        X_S = sensor.space.to_local(pose0, X_W).X
+        z0 = sensor.project(X_S, at.k).h[0]
+        features[label] = Feature(
+            label=label,
+            model=model,
+            mount=mount,
+            pose0=frozen(pose0),
+            z0=frozen(z0),
+            appearance=_appearance(experiment, one.appearance),
+            born=-1,
+            known=True,
+        )
+    return replace(world, features=features)
+
+
+def _appearance(experiment: Experiment, appearance: Any) -> Any:
+    """What recognises a known feature: an identity, or a patch, whose place a simulation knows by
+    name and a recording by file."""
+    resolve = getattr(experiment.source, "appearance_of", None)
+    if resolve is not None:
+        return resolve(appearance)
+    if isinstance(appearance, str):
+        return load_patch(appearance)
+    return appearance
