@@ -236,6 +236,11 @@ def _circle(n: int) -> Vec:
 DIRECTIONS = _circle(CANDIDATES)
 
 
+def pale(channel: int) -> int:
+    """A colour channel, lighter: thin letters need more light than lines."""
+    return min(255, int(0.55 * channel + 115))
+
+
 def _draw_ids(painter: Painter, shapes: Sequence[Shape]) -> None:
     """Ids of the features that were measured, at the first free place around each.
 
@@ -249,8 +254,8 @@ def _draw_ids(painter: Painter, shapes: Sequence[Shape]) -> None:
         at = boxes.place(s, w, h, s.mark.selected)
         if at is None:
             continue
-        pale = tuple(int(0.55 * v + 115) for v in C[s.mark.state])
-        painter.text(words, at, C["white"] if s.mark.selected else pale, scale)
+        r, g, b = C["white"] if s.mark.selected else C[s.mark.state]
+        painter.text(words, at, (pale(r), pale(g), pale(b)), scale)
 
 
 class Occupancy:

@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from scene_core.arrays import Mat, Vec
+from scene_core.models.base import Sensor
 from web_panels.drawing import Painter
 from web_panels.marks import Scene, raw_points
+from web_panels.panel import Page
+from web_panels.sensor_pane import SensorPane, limits_words
 from web_panels.sensor_polar import nice_reach
 from web_panels.style import RGB, C
 
@@ -20,7 +23,7 @@ CAP = 10.0
 class BarChart:
     """Measurements (z,) on a horizontal ruler over the sensor's limits."""
 
-    size = SIZE
+    size: tuple[int, int] = SIZE
 
     def __init__(self, limits: tuple[float, float], unit: str) -> None:
         self.lo, self.hi, self.unit = limits[0], limits[1], unit
@@ -74,3 +77,15 @@ class BarChart:
     def measurement(self, xy: Vec) -> tuple[float, ...] | None:
         value = self.lo + (float(xy[0]) - MARGIN) / self.scale
         return (value,) if self.lo <= value <= self.hi else None
+
+
+def bar_chart(sensor: Sensor, scene: Scene) -> BarChart:
+    """The chart of a one-dimensional sensor."""
+    return BarChart(sensor.limits[0], sensor.units[0])
+
+
+class SensorBar(SensorPane):
+    """The pane of a one-dimensional sensor."""
+
+    def __init__(self, page: Page, mount: str) -> None:
+        super().__init__(page, mount, bar_chart, limits_words, SIZE)

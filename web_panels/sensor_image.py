@@ -7,8 +7,11 @@ import numpy as np
 
 from scene_core.arrays import Mat, Vec
 from scene_core.geometry.ellipses import ellipse_points
+from scene_core.models.base import Sensor
 from web_panels.drawing import Painter, dots
 from web_panels.marks import Scene, raw_pixels, raw_points
+from web_panels.panel import Page
+from web_panels.sensor_pane import SensorPane
 from web_panels.style import C
 
 CANVAS_WIDTH = 800
@@ -55,3 +58,22 @@ class ImageChart:
         u, v = (np.asarray(xy) + 0.5) / self.zoom - 0.5
         inside = 0 <= u <= self.width and 0 <= v <= self.height
         return (float(u), float(v)) if inside else None
+
+
+def image_chart(sensor: Sensor, scene: Scene) -> ImageChart:
+    """The chart of a camera."""
+    (_, width), (_, height) = sensor.limits
+    return ImageChart(width, height)
+
+
+def image_words(sensor: Sensor) -> str:
+    """Size of the picture."""
+    (_, width), (_, height) = sensor.limits
+    return f"{width:.0f} × {height:.0f} px"
+
+
+class SensorImage(SensorPane):
+    """The pane of a camera."""
+
+    def __init__(self, page: Page, mount: str) -> None:
+        super().__init__(page, mount, image_chart, image_words, (800, 600))

@@ -15,8 +15,11 @@ import numpy as np
 
 from scene_core.arrays import Mat, Vec
 from scene_core.geometry.ellipses import ellipse_points
+from scene_core.models.base import Sensor
 from web_panels.drawing import FONT, Painter, dots
 from web_panels.marks import Scene, raw_points
+from web_panels.panel import Page
+from web_panels.sensor_pane import SensorPane, limits_words
 from web_panels.style import C
 
 SIZE = (800, 600)
@@ -35,7 +38,7 @@ def nice_reach(distance: float) -> float:
 class PolarChart:
     """Range and bearing (r, b) about a robot; `reach` metres fit on the canvas."""
 
-    size = SIZE
+    size: tuple[int, int] = SIZE
 
     def __init__(self, limits: tuple[tuple[float, float], ...], reach: float) -> None:
         self.limits, self.reach = limits, reach
@@ -95,3 +98,23 @@ class PolarChart:
         z = (math.hypot(left, up) / self.scale, math.atan2(left, up))
         inside = all(lo <= v <= hi for v, (lo, hi) in zip(z, self.limits, strict=True))
         return z if inside else None
+
+
+class SensorPolar(SensorPane):
+    """The pane of a range-bearing sensor; its reach only grows, so that the picture is steady."""
+
+    def __init__(self, page: Page, mount: str) -> None:
+        super().__init__(page, mount, self.chart, limits_words, SIZE)
+        self._chart: PolarChart | None = None
+
+    def chart(self, sensor: Sensor, scene: Scene) -> PolarChart:
+        """A chart that holds everything that was measured so far, and no more than the limits."""
+        limits = tuple(sensor.limits)
+        ranges = [float(m.h[0]) for m in scene.marks] + list(raw_points(scene.raw)[:, :1].ravel())
+        needed = max((r for r in ranges if math.isfinite(r)), default=1.0)
+        reach = min(nice_reach(needed), limits[0][1])
+        old = self._chart
+        if old is not None and old.limits == limits and old.reach >= reach:
+            return old
+        self._chart = PolarChart(limits, reach)
+        return self._chart

@@ -1,0 +1,246 @@
+"""The correlation of the whole state as a picture with the names of its blocks.
+
+A small state is shown number by number, a large one block by block: the largest canonical
+correlation of every pair. Below it, what the selected landmark knows of all others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import cv2
+import numpy as np
+import viser
+
+from scene_core.arrays import Mat
+from scene_core.filter.world import World
+from scene_core.geometry.correlation import (
+    block_correlations,
+    correlation,
+    largest_canonical_correlations,
+)
+from scene_core.session.published import Published
+from web_panels.drawing import FONT
+from web_panels.panel import Page, Post
+from web_panels.style import HEX, RGB, C, block, escape
+
+ROWS = 64
+"""States up to this size are shown number by number."""
+BLOCKS = 48
+"""At most this many blocks of a large state are shown."""
+NAMES = 24
+"""Beyond this many blocks only some of them are named."""
+SIDE = 760
+LEFT, TOP = 74, 46
+BAR = 74
+LOW, ZERO, HIGH = (np.array(c, float) for c in ((64, 140, 255), (24, 29, 38), (255, 170, 60)))
+
+
+@dataclass(frozen=True)
+class Part:
+    """Rows of the state that get one name."""
+
+    name: str
+    rows: slice
+    label: int | None
+    """Of a feature; None for a robot, a pose or a calibration."""
+
+
+GROUPS = (
+    ("r", "position", ("x", "y", "z")),
+    ("q", "orientation", ("qw", "qx", "qy", "qz")),
+    ("v", "velocity", ("vx", "vy", "vz")),
+    ("w", "angular rate", ("wx", "wy", "wz")),
+)
+"""Runs of labels of a robot's state that are named together."""
+
+
+def parts_of(world: World) -> list[Part]:
+    """The named rows of the state, robots first, as they lie in it."""
+    out: list[Part] = []
+    robots = {r.block: r for r in world.robots.values()}
+    features = {f.block: label for label, f in world.features.items()}
+    for b in world.gauss.layout.blocks:
+        if b.name in robots:
+            out += _robot_parts(robots[b.name].motion.state_labels, b.start)
+        elif b.name in features:
+            label = features[b.name]
+            out.append(Part(str(label), b.slice, label))
+        else:
+            out.append(Part(b.name.split(":", 1)[1], b.slice, None))
+    return out
+
+
+def _robot_parts(labels: tuple[str, ...], start: int) -> list[Part]:
+    out, i = [], 0
+    while i < len(labels):
+        name, size = labels[i], 1
+        for short, _, run in GROUPS:
+            if len(run) > 1 and labels[i : i + len(run)] == run:
+                name, size = short, len(run)
+        out.append(Part(name, slice(start + i, start + i + size), None))
+        i += size
+    return out
+
+
+@dataclass(frozen=True)
+class Table:
+    """What the picture shows: values in [-1, 1] and, for every name, its rows in them."""
+
+    values: Mat
+    names: tuple[tuple[str, int, int, int | None], ...]
+    """Name, first row, number of rows, label."""
+    what: str
+
+
+def table_of(world: World, selected: int | None) -> Table:
+    """Correlations number by number when they fit, else canonical ones block by block."""
+    parts = parts_of(world)
+    n = world.gauss.layout.size
+    if n <= ROWS:
+        names = tuple((p.name, p.rows.start, p.rows.stop - p.rows.start, p.label) for p in parts)
+        return Table(correlation(world.gauss.P), names, f"all {n} rows")
+    shown = parts[:BLOCKS]
+    mine = next((p for p in parts[BLOCKS:] if p.label == selected and selected is not None), None)
+    if mine is not None:
+        shown = [*shown[:-1], mine]
+    values = block_correlations(world.gauss.P, [p.rows for p in shown])
+    names = tuple((p.name, i, 1, p.label) for i, p in enumerate(shown))
+    rest = f"first {len(shown)} of {len(parts)}" if len(parts) > len(shown) else f"{len(shown)}"
+    return Table(values, names, f"{rest} blocks, largest canonical correlation")
+
+
+@cache
+def ramp() -> np.ndarray:
+    """Colours (256, 3) of -1 to 1; small correlations are told apart best."""
+    v = np.linspace(-1.0, 1.0, 256)[:, None]
+    strength = np.sqrt(np.abs(v))
+    end = np.where(v < 0, LOW, HIGH)
+    return (ZERO + (end - ZERO) * strength).round().astype(np.uint8)
+
+
+def picture(table: Table, selected: int | None) -> np.ndarray:
+    """RGB heat map with names, block borders, a colour bar, and a frame about the selected one."""
+    n = len(table.values)
+    size = SIDE - LEFT - BAR
+    edge = LEFT + np.round(np.arange(n + 1) * size / n).astype(int)
+    canvas = np.full((TOP + size + 6, SIDE, 3), (18, 22, 29), np.uint8)
+    index = np.round((table.values + 1.0) * 127.5).astype(np.uint8)
+    cells = cv2.resize(index, (size, size), interpolation=cv2.INTER_NEAREST)
+    canvas[TOP : TOP + size, LEFT : LEFT + size] = np.take(ramp(), cells, axis=0)
+    down = TOP - LEFT
+    every = max(1, -(-len(table.names) // NAMES))
+    for k, (name, first, count, label) in enumerate(table.names):
+        a, b = int(edge[first]), int(edge[first + count])
+        if count > 1 or n <= 40:
+            cv2.line(canvas, (LEFT, a + down), (LEFT + size, a + down), (58, 68, 84), 1)
+            cv2.line(canvas, (a, TOP), (a, TOP + size), (58, 68, 84), 1)
+        chosen = label is not None and label == selected
+        if k % every and not chosen and label is not None:
+            continue
+        colour = C["white"] if chosen else C["estimate"] if label is None else C["ink"]
+        _name(canvas, name, (a + b) // 2, down, colour)
+    for _, first, count, label in table.names:
+        if label is not None and label == selected:
+            a, b = int(edge[first]), int(edge[first + count])
+            cv2.rectangle(canvas, (LEFT, a + down), (LEFT + size, b + down), C["white"], 2)
+            cv2.rectangle(canvas, (a, TOP), (b, TOP + size), C["white"], 2)
+    _bar(canvas, LEFT + size + 16, TOP, size)
+    return canvas
+
+
+def _name(canvas: np.ndarray, name: str, middle: int, down: int, colour: RGB) -> None:
+    text = name if len(name) <= 7 else name[:6] + "."
+    scale = 0.6 if len(text) < 4 else 0.46
+    (w, h), _ = cv2.getTextSize(text, FONT, scale, 1)
+    at = (LEFT - 8 - w, middle + down + h // 2)
+    cv2.putText(canvas, text, at, FONT, scale, colour, 1, cv2.LINE_AA)
+    if len(text) < 4:
+        at = (middle - w // 2, TOP - 10)
+        cv2.putText(canvas, text, at, FONT, scale, colour, 1, cv2.LINE_AA)
+
+
+def _bar(canvas: np.ndarray, x: int, y: int, size: int) -> None:
+    column = np.linspace(255, 0, size).round().astype(np.uint8)
+    canvas[y : y + size, x : x + 14] = ramp()[column][:, None]
+    for text, at in (("+1", 12), ("0", size // 2 + 6), ("-1", size)):
+        cv2.putText(canvas, text, (x + 20, y + at), FONT, 0.55, C["dim"], 1, cv2.LINE_AA)
+
+
+def others_html(world: World, selected: int | None) -> str:
+    """The largest canonical correlation of the selected landmark with each other one."""
+    if selected is None or selected not in world.features:
+        return block(
+            '<span class="d">Select a landmark to read its largest canonical correlation with '
+            "every other one: click it in a sensor's picture or in the map.</span>"
+        )
+    layout = world.gauss.layout
+    labels = [k for k in world.features if k != selected]
+    rows = [layout[world.features[k].block].slice for k in labels]
+    mine = layout[world.features[selected].block].slice
+    rho = largest_canonical_correlations(world.gauss.P, mine, rows)
+    order = np.argsort(-rho, kind="stable")
+    cells = "".join(_cell(labels[i], float(rho[i])) for i in order)
+    robots = "".join(
+        f'<tr><td>{escape(r.id)}</td><td class="d" style="text-align:left">robot</td>'
+        f"<td>{_with(world, mine, layout[r.block].slice):.3f}</td></tr>"
+        for r in world.robots.values()
+    )
+    return block(
+        f'<div class="row" style="margin-top:6px"><span class="h">Landmark {selected} with</span>'
+        '<span class="d">largest canonical correlation</span></div>'
+        f"<table>{robots}</table>"
+        '<div style="display:grid;grid-template-columns:repeat(auto-fill,minmax(76px,1fr));'
+        f'gap:2px 10px;margin-top:4px">{cells}</div>'
+    )
+
+
+def _with(world: World, a: slice, b: slice) -> float:
+    return float(largest_canonical_correlations(world.gauss.P, a, [b])[0])
+
+
+def _cell(label: int, rho: float) -> str:
+    return (
+        f'<div class="row" style="gap:4px"><span class="d">{label}</span><span>'
+        f'<svg width="26" height="7"><rect width="26" height="7" fill="var(--rule)"/>'
+        f'<rect width="{26 * rho:.1f}" height="7" fill="{HEX["unselected"]}"/></svg> '
+        f"{rho:.2f}</span></div>"
+    )
+
+
+class Covariance:
+    """The Covariance tab."""
+
+    rate_hz = 2.0
+
+    def __init__(self, page: Page) -> None:
+        self.page = page
+        self._key: tuple | None = None
+
+    def build(self, server: viser.ViserServer, post: Post) -> None:
+        self.head = server.gui.add_html(block("No state yet: press <kbd>Space</kbd>."))
+        blank = np.full((TOP + SIDE - LEFT - BAR + 6, SIDE, 3), (18, 22, 29), np.uint8)
+        self.image = server.gui.add_image(blank, format="jpeg", jpeg_quality=88)
+        self.others = server.gui.add_html("")
+
+    def render(self, p: Published) -> None:
+        if p.trace is None:
+            return
+        world = p.trace.world
+        key = (id(world.gauss), p.selected)
+        if key == self._key:
+            return
+        self._key = key
+        table = table_of(world, p.selected)
+        self.image.image = picture(table, p.selected)
+        self.others.content = others_html(world, p.selected)
+        named = {name for name, _, _, label in table.names if label is None}
+        words = " · ".join(f"<b>{short}</b> {name}" for short, name, _ in GROUPS if short in named)
+        head = block(
+            f'<div class="row"><b>Correlation of the state</b><span class="d">{table.what}</span>'
+            f'</div><div class="d" style="padding-bottom:4px">{words}'
+            f"{' · ' if words else ''}numbers: landmarks</div>"
+        )
+        if head != self.head.content:
+            self.head.content = head
