@@ -42,6 +42,9 @@ class Panel(Protocol):
         ...
 
 
+View = Literal["perspective", "top", "side", "follow", "eye", "orbit"]
+
+
 @dataclass(frozen=True)
 class Look:
     """How everything is drawn; the View tab edits it."""
@@ -56,10 +59,17 @@ class Look:
     rays: bool = True
     labels: bool = True
     """Labels of features near the robot; the selected one always has one."""
-    follow: bool = False
     dark: bool = True
     large: bool = False
     """Large type, for projectors."""
+
+
+class Views(Protocol):
+    """Moves the 3-D cameras of browsers; the map provides it, the View tab asks for it."""
+
+    def ask(self, client: viser.ClientHandle, view: View) -> None:
+        """This browser wants another view; asking again for one that moves stops it."""
+        ...
 
 
 @dataclass
@@ -67,6 +77,7 @@ class Page:
     """Shared by all panels: one immutable `look`, replaced as a whole from any thread."""
 
     look: Look = field(default_factory=Look)
+    views: Views | None = None
     problems: Mapping[str, str] = field(default_factory=dict)
     """Panels that could not be drawn, and why; the view loop keeps it, the head shows it."""
 

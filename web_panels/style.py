@@ -103,6 +103,10 @@ div:has(>.mantine-Button-root[data-block]):nth-child(odd){margin-right:3px!impor
 div:has(>.mantine-Button-root[data-block]):nth-child(even){margin-left:3px!important}
 .mantine-Button-root{padding-inline:4px!important}.mantine-Button-label{font-size:13px}
 label{letter-spacing:0!important}
+#scene-legend{position:fixed;z-index:5;pointer-events:none}
+.e .maplegend{display:inline-block;background:color-mix(in srgb,var(--card) 85%,transparent);
+border:1px solid var(--rule);border-radius:6px;padding:5px 4px 4px 12px;max-width:560px;
+line-height:1.35}
 .u-legend{font-size:11px!important;margin:0!important}.u-title{font-size:12px!important;font-weight:600}
 </style>"""
 """Put on the page once; every `add_html` of every panel is styled by it."""

@@ -1,0 +1,183 @@
+"""The 3-D camera of every browser: its own, kept over a reload, moved by the view buttons."""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+import time
+
+import numpy as np
+import viser
+
+from scene_core.arrays import Vec
+from scene_core.geometry import quaternion
+from web_panels.map_geometry import Bounds
+from web_panels.panel import View
+
+log = logging.getLogger(__name__)
+
+SAVE_EVERY_S = 1.0
+FOV = math.radians(43.0)
+ORBIT_RATE = math.radians(12.0)
+
+
+def directions(up: str) -> dict[str, Vec]:
+    """Unit-like vectors from the middle of the map towards the camera."""
+    if up == "z":
+        return {
+            "perspective": np.array([-0.62, -0.66, 0.52]),
+            "top": np.array([0.0, -0.02, 1.0]),
+            "side": np.array([0.0, -1.0, 0.12]),
+        }
+    return {
+        "perspective": np.array([-0.52, 0.5, -0.7]),
+        "top": np.array([0.0, 1.0, -0.02]),
+        "side": np.array([-1.0, 0.12, 0.0]),
+    }
+
+
+class Cameras:
+    """Moves browsers' cameras; the view thread calls `place` and `move`, buttons call `ask`."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self.server = server
+        self.run_name = ""
+        self.bounds: Bounds | None = None
+        self.up = "z"
+        self.modes: dict[int, View] = {}
+        self._asked: dict[int, View] = {}
+        self._last: Vec | None = None
+        self._when = time.monotonic()
+        self._saved: dict[int, float] = {}
+        server.on_client_connect(self._connected)
+        server.on_client_disconnect(self._gone)
+
+    def ask(self, client: viser.ClientHandle, view: View) -> None:
+        """A browser wants another view; done by the view thread. Asking for what moves already
+        stops it."""
+        if self.modes.pop(client.client_id, None) != view:
+            self._asked[client.client_id] = view
+        elif view == "eye":
+            self._asked[client.client_id] = "perspective"
+
+    def place(self, name: str, bounds: Bounds, up: str) -> None:
+        """Another run: new browsers start with its perspective, present ones too when the scenario
+        is another."""
+        changed = (name, up) != (self.run_name, self.up)
+        self.run_name, self.bounds, self.up, self._last = name, bounds, up, None
+        position, target = self._standing("perspective", bounds)
+        start = self.server.initial_camera
+        start.position, start.look_at, start.fov = position, target, FOV
+        start.up = self._up()
+        if changed:
+            self.modes.clear()
+            for client in self.server.get_clients().values():
+                self._set(client, position, target)
+
+    def _up(self) -> Vec:
+        return np.array([0.0, 1.0, 0.0] if self.up == "y" else [0.0, 0.0, 1.0])
+
+    def _standing(self, view: str, bounds: Bounds) -> tuple[Vec, Vec]:
+        d = directions(self.up)[view]
+        away = 2.25 * bounds.radius / float(np.linalg.norm(d))
+        return bounds.centre + away * d, bounds.centre
+
+    def _set(self, client: viser.ClientHandle, position: Vec, target: Vec) -> None:
+        with client.atomic():
+            client.camera.up_direction = self._up()
+            client.camera.position = position
+            client.camera.look_at = target
+
+    def move(self, robot: Vec, eye: Vec | None, bounds: Bounds) -> None:
+        """Serve what was asked for, then carry the cameras that move along."""
+        now = time.monotonic()
+        dt, self._when = min(now - self._when, 0.2), now
+        clients = self.server.get_clients()
+        for client_id in list(self._asked):
+            view = self._asked.pop(client_id)
+            self.modes.pop(client_id, None)
+            if client_id in clients:
+                self._begin(clients[client_id], view, robot, bounds)
+        step = np.zeros(3) if self._last is None else robot - self._last
+        self._last = robot.copy()
+        for client_id, view in list(self.modes.items()):
+            client = clients.get(client_id)
+            if client is not None:
+                self._carry(client, view, step, eye, dt)
+
+    def _begin(self, client: viser.ClientHandle, view: View, robot: Vec, bounds: Bounds) -> None:
+        if view in ("perspective", "top", "side"):
+            self._set(client, *self._standing(view, bounds))
+            return
+        self.modes[client.client_id] = view
+        if view == "follow":
+            offset = client.camera.position - client.camera.look_at
+            self._set(client, robot + offset, robot)
+
+    def _carry(
+        self, client: viser.ClientHandle, view: View, step: Vec, eye: Vec | None, dt: float
+    ) -> None:
+        camera = client.camera
+        if view == "follow" and np.any(step):
+            self._set(client, camera.position + step, camera.look_at + step)
+        elif view == "eye" and eye is not None:
+            R = quaternion.matrix(eye[3:])
+            with client.atomic():
+                camera.up_direction = -R[:, 1]
+                camera.position = eye[:3]
+                camera.look_at = eye[:3] + R[:, 2]
+        elif view == "orbit":
+            turn = quaternion.from_rotation_vector(ORBIT_RATE * dt * self._up())[0]
+            arm = quaternion.matrix(turn) @ (camera.position - camera.look_at)
+            self._set(client, camera.look_at + arm, camera.look_at)
+
+    @property
+    def moving(self) -> bool:
+        """Whether some camera moves by itself or waits to be moved."""
+        return bool(self._asked) or "orbit" in self.modes.values()
+
+    def _connected(self, client: viser.ClientHandle) -> None:
+        """Give a browser that was here before its camera back (on a thread of viser's pool)."""
+        try:
+            text = client.local_storage.get_item("scene-camera", timeout=5.0)
+        except (RuntimeError, TimeoutError) as why:
+            log.info("camera of a browser not restored: %s", why)
+            text = None
+        kept = read_camera(text, self.run_name)
+        if kept is not None:
+            self._set(client, *kept)
+        client.camera.on_update(self._remember)
+
+    async def _remember(self, camera: viser.CameraHandle) -> None:
+        client = camera.client
+        now = time.monotonic()
+        if now - self._saved.get(client.client_id, -math.inf) < SAVE_EVERY_S:
+            return
+        self._saved[client.client_id] = now
+        kept = {
+            "run": self.run_name,
+            "position": [round(float(v), 4) for v in camera.position],
+            "look_at": [round(float(v), 4) for v in camera.look_at],
+        }
+        client.local_storage.set_item("scene-camera", json.dumps(kept))
+
+    async def _gone(self, client: viser.ClientHandle) -> None:
+        for book in (self.modes, self._asked, self._saved):
+            book.pop(client.client_id, None)
+
+
+def read_camera(text: str | None, run_name: str) -> tuple[Vec, Vec] | None:
+    """Position and target kept by a browser for this scenario; None when there are none."""
+    if text is None:
+        return None
+    try:
+        kept = json.loads(text)
+        if kept["run"] != run_name:
+            return None
+        position = np.array(kept["position"], dtype=np.float64)
+        target = np.array(kept["look_at"], dtype=np.float64)
+    except (ValueError, TypeError, KeyError):
+        return None
+    sound = position.shape == target.shape == (3,) and np.isfinite([position, target]).all()
+    return (position, target) if sound and np.linalg.norm(position - target) > 1e-6 else None

@@ -1,0 +1,125 @@
+"""The map: everything the filter believes about where things are, and the truth beside it."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import viser
+
+from scene_core.filter.world import World
+from scene_core.session.commands import Select
+from scene_core.session.published import Published
+from scene_core.session.start import initial_world
+from web_panels import map_geometry as geo
+from web_panels.cameras import Cameras
+from web_panels.map_layers import (
+    Ellipsoids,
+    Ground,
+    Paths,
+    Rays,
+    Robots,
+    Selected,
+    Sightings,
+    TrueLandmarks,
+)
+from web_panels.panel import Page, Post
+
+IMAGE_HZ, PATH_HZ, CORRELATION_HZ = 12.0, 10.0, 4.0
+
+
+class MapPanel:
+    """Draws into the 3-D scene; a click on an ellipsoid selects its feature."""
+
+    rate_hz = 30.0
+
+    def __init__(self, page: Page) -> None:
+        self.page = page
+        self.run: tuple[int, bool] | None = None
+        self.clouds = geo.Clouds()
+
+    def build(self, server: viser.ViserServer, post: Post) -> None:
+        self.server, self.post = server, post
+        self.cameras = self.page.views = Cameras(server)
+
+    def _restart(self, p: Published, world: World) -> None:
+        """Make every node anew: another run may have another world, up and robots."""
+        scene = self.server.scene
+        scene.remove_by_name("/map")
+        truth = p.trace.frame.truth if p.trace is not None else None
+        points = np.zeros((0, 3))
+        if truth is not None and len(truth.points):
+            given = np.asarray(truth.points)
+            points = geo.embed_points(given, geo.SPACES[given.shape[1]], world.up)
+        self.bounds = geo.start_bounds(p.experiment, world, points)
+        self.simulated = len(geo.outline_of(p.experiment.source, world.up)) > 0
+        size = self.bounds.radius
+        self.ground = Ground(scene, p, world, self.bounds)
+        self.paths = Paths(scene, p)
+        self.true_landmarks = TrueLandmarks(scene, size)
+        self.rays = Rays(scene)
+        self.sightings = Sightings(scene)
+        self.ellipsoids = Ellipsoids(scene)
+        self.ellipsoids.node.on_click(self._clicked)
+        self.robots = Robots(scene, world, size)
+        self.selected = Selected(scene)
+        self.cameras.place(p.experiment.name, self.bounds, world.up)
+        self.images_due = self.paths_due = self.correlation_due = 0.0
+        self.correlation: tuple[object, ...] = ()
+        self.rgb = np.zeros((0, 3))
+
+    async def _clicked(self, event: viser.SceneNodePointerEvent) -> None:
+        label = self.ellipsoids.label_at.get(event.instance_index or 0)
+        if label is not None:
+            self.post(Select(label))
+
+    def render(self, p: Published) -> None:
+        key = (p.run, p.trace is not None)
+        if key != self.run:
+            self.start = initial_world(p.experiment)
+            self._restart(p, self.start if p.trace is None else p.trace.world)
+            self.run = key
+        world = p.trace.world if p.trace is not None else self.start
+        look, trace, now = self.page.look, p.trace, time.monotonic()
+        cloud = self.clouds.of(world, look.confidence, 0.004 * self.bounds.radius)
+        states = geo.states(trace, world, cloud.labels)
+        self.ellipsoids.render(self.server, cloud, self._colours(p, world, cloud, states))
+        self.rays.render(cloud, look.rays)
+        self.sightings.render(trace, world, cloud, look.rays)
+        self.robots.render(p, world, look.truth)
+        robot = geo.robot_pose(world, next(iter(world.robots)))
+        self.selected.render(cloud, states, p.selected, robot[:3], look.labels)
+        self.true_landmarks.render(trace, world, look.truth)
+        self.ground.room.visible = look.room
+        if now >= self.paths_due or p.mode != "playing":
+            self.paths_due = now + 1.0 / PATH_HZ
+            self.paths.render(p, look.trajectories, look.truth)
+        if trace is not None and (now >= self.images_due or p.mode != "playing"):
+            self.images_due = now + 1.0 / IMAGE_HZ
+            self.robots.render_images(trace)
+        cameras = [m for m in world.mounts if world.mounts[m].sensor.pane == "image"]
+        eye = geo.mount_pose(world, cameras[0]) if cameras else None
+        self.cameras.move(robot[:3], eye, self._seen(cloud, robot[:3]))
+
+    def _colours(
+        self, p: Published, world: World, cloud: geo.Cloud, states: list[str]
+    ) -> np.ndarray:
+        """By verdict, or by correlation with the selected feature (a few times a second)."""
+        chosen = p.selected
+        if self.page.look.colour == "verdict" or chosen is None or chosen not in world.features:
+            return geo.colours(states)
+        now = time.monotonic()
+        key = (chosen, cloud.labels)
+        if key != self.correlation or now >= self.correlation_due:
+            self.correlation_due = now + 1.0 / CORRELATION_HZ
+            self.correlation = key
+            self.rgb = geo.correlation_colours(world, chosen, cloud.labels)
+        return self.rgb
+
+    def _seen(self, cloud: geo.Cloud, robot: np.ndarray) -> geo.Bounds:
+        """What the view buttons frame: the start's bounds, or more once the map outgrew them."""
+        if len(cloud.labels) < 4 or self.simulated:
+            return self.bounds
+        middle = np.percentile(cloud.positions, (10, 90), axis=0)
+        points = np.concatenate([middle, [self.bounds.lo, self.bounds.hi, robot]])
+        return geo.bounds_of(points)

@@ -1,0 +1,152 @@
+"""The View tab: confidence, layers, views, type; and the legend of the map."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import viser
+
+from scene_core.geometry.ellipses import chi2_gate, sigma
+from scene_core.session.published import Published
+from web_panels import style
+from web_panels.panel import Look, Page, Post, View
+from web_panels.style import legend
+from web_panels.widgets import Bound, Group, on_press
+
+VIEWS: tuple[tuple[str, View, str], ...] = (
+    ("Perspective", "perspective", "The whole scene from above one corner."),
+    ("Top", "top", "From straight above."),
+    ("Side", "side", "From one side, level."),
+    ("Sensor's eye", "eye", "From the sensor; press again to leave."),
+    ("Follow robot", "follow", "The camera goes where the robot goes; press again to stop."),
+    ("Orbit", "orbit", "Turn slowly around the middle; press again to stop."),
+)
+
+LAYERS: tuple[tuple[str, str, str], ...] = (
+    ("truth", "Truth", "What is really so, in yellow. The filter never sees it."),
+    ("room", "Room", "The simulated place, as far as it has walls or an outline."),
+    ("trajectories", "Trajectories", "Where the robot was."),
+    ("rays", "Rays", "Where a feature may be whose depth is still open; lines of sight."),
+    ("labels", "Labels nearby", "Numbers of the features near the robot."),
+    ("large", "Large type", "For projectors."),
+)
+
+COLOURS = {"verdict of this frame": "verdict", "correlation with the selected": "correlation"}
+
+MAP_LEGEND = (
+    ("line", "truth", "truth"),
+    ("line", "estimate", "estimate"),
+    ("dot", "accepted", "accepted"),
+    ("dot", "nomatch", "no match"),
+    ("dot", "rejected", "rejected"),
+    ("dot", "unselected", "not selected"),
+    ("dot", "out", "out of view"),
+    ("ray", "partial", "new; ray: depth open"),
+)
+
+PLACE_LEGEND = """(()=>{const id='scene-legend',m=document.getElementById('scene-legend-source');
+let d=document.getElementById(id);if(!m)return;if(!d){d=document.createElement('div');d.id=id;
+document.body.appendChild(d);const place=()=>{const c=window.__viserMutable&&
+window.__viserMutable.canvas;if(!c)return;const r=c.getBoundingClientRect();
+const narrow=window.innerWidth<700;d.style.left=r.left+'px';d.style.width=r.width+'px';
+d.style.top=narrow?'6px':'auto';d.style.bottom=narrow?'auto':(window.innerHeight-r.bottom+10)+'px'};
+setInterval(place,300);place()}d.innerHTML=m.innerHTML})()"""
+"""Copies the legend over the middle of the 3-D canvas, wherever the panels leave it."""
+
+
+def confidence_words(look: Look) -> str:
+    """95 % in 3-D = 2.80 sigma."""
+    return f"{100 * look.confidence:g} % in 3-D = {sigma(3, look.confidence):.2f} sigma"
+
+
+def legend_html(look: Look) -> str:
+    """The legend of the map, and the script that puts it there."""
+    if look.colour == "correlation":
+        items = (
+            ("line", "truth", "truth"),
+            ("line", "estimate", "estimate"),
+            ("dot", "out", "correlation 0"),
+            ("dot", "unselected", "1 with the selected"),
+        )
+    else:
+        items = MAP_LEGEND
+    inner = (
+        '<div class="e" style="text-align:center"><div class="maplegend">'
+        f'{legend(items)}<span class="lg">ellipsoids {confidence_words(look)}</span></div></div>'
+    )
+    script = style.escape(PLACE_LEGEND)
+    return (
+        f'<div id="scene-legend-source" style="display:none">{inner}</div>'
+        f'<img src="data:," style="display:none" onerror="{script}">'
+    )
+
+
+class ViewPanel:
+    """Layers and confidence are shared by all browsers, the camera is each one's own."""
+
+    rate_hz = 10.0
+
+    def __init__(self, page: Page) -> None:
+        self.page = page
+        self.group = Group()
+        self.drawn: Look | None = None
+
+    def build(self, server: viser.ViserServer, post: Post) -> None:
+        gui = server.gui
+        confidence = gui.add_slider(
+            "Confidence, %", 50, 99, 1, 95, hint="Probability content of the ellipsoids."
+        )
+        self.confidence = Bound(
+            confidence, self.group, lambda v: self.page.change(confidence=v / 100.0)
+        )
+        self.words = gui.add_html("")
+        colour = gui.add_dropdown(
+            "Colours",
+            tuple(COLOURS),
+            hint="Select a feature, then see which others are correlated with it.",
+        )
+        self.colour = Bound(colour, self.group, lambda v: self.page.change(colour=COLOURS[v]))
+        for title, view, help_text in VIEWS:
+            button = gui.add_button(title, color="gray", hint=help_text)
+            on_press(button, lambda client, v=view: self._ask(client, v))
+        self.layers = {
+            field: Bound(
+                gui.add_checkbox(title, getattr(self.page.look, field), hint=help_text),
+                self.group,
+                self._setter(field),
+            )
+            for field, title, help_text in LAYERS
+        }
+        dark = gui.add_checkbox("Dark", True, hint="Dark or light page.")
+        self.dark = Bound(dark, self.group, self._setter("dark"))
+        self.gui = gui
+        self.legend = gui.add_html("")
+
+    def _ask(self, client: viser.ClientHandle, view: View) -> None:
+        if self.page.views is not None:
+            self.page.views.ask(client, view)
+
+    def _setter(self, field: str) -> Callable[[Any], None]:
+        return lambda value: self.page.change(**{field: value})
+
+    def render(self, p: Published) -> None:
+        look = self.page.look
+        if look is self.drawn:
+            return
+        for field, bound in self.layers.items():
+            bound.show(getattr(look, field))
+        self.dark.show(look.dark)
+        self.confidence.show(round(100 * look.confidence))
+        gate = chi2_gate(3, look.confidence)
+        words = f"{confidence_words(look)} (d2 &lt; {gate:.2f})."
+        self.words.content = style.block(f'<span class="d">{words}</span>', "padding:0 10px 6px")
+        self.legend.content = legend_html(look)
+        if self.drawn is None or self.drawn.dark != look.dark:
+            self.gui.configure_theme(
+                dark_mode=look.dark,
+                show_logo=False,
+                show_share_button=False,
+                brand_color=style.C["nomatch"],
+            )
+        self.drawn = look
