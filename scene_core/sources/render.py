@@ -137,7 +137,7 @@ def _pyramid(texture: np.ndarray) -> list[np.ndarray]:
     level = cv2.cvtColor(texture, cv2.COLOR_RGB2GRAY)
     out = []
     for _ in range(LEVELS):
-        out.append(cv2.copyMakeBorder(level, *[_PAD] * 4, cv2.BORDER_REPLICATE))
+        out.append(cv2.copyMakeBorder(level, _PAD, _PAD, _PAD, _PAD, cv2.BORDER_REPLICATE))
         rows, columns = level.shape
         even = cv2.copyMakeBorder(level, 0, rows % 2, 0, columns % 2, cv2.BORDER_REPLICATE)
         level = cv2.resize(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from scene_core.filter.ports import (
     Control,
     Detection,
     Frame,
+    Image,
     Match,
     Occupied,
     Points,
@@ -28,8 +30,11 @@ from scene_core.filter.ports import (
 )
 from scene_core.geometry import quaternion
 from scene_core.geometry.spaces import Space, embed, embed_points
+from scene_core.models.base import Sensor
 from scene_core.params import param
-from scene_core.sources import noise, points
+from scene_core.sources import noise, pictures, points
+from scene_core.sources.render import Rendering
+from scene_core.sources.room import Surface, TexturedRoom
 from scene_core.sources.truth import (
     Disturbances,
     SimulationState,
@@ -49,6 +54,9 @@ class Simulation:
     mounts: Mapping[str, TrueMount]
     instruments: Mapping[str, TrueInstrument] = field(default_factory=dict)
     disturbances: Disturbances = field(default_factory=Disturbances)
+    """For points with identities."""
+    rendering: Rendering | None = None
+    """Cameras deliver images of the world, which must be a room; None: points with identities."""
     dt: float = param(0.1, unit="s", lo=1e-4, hi=100.0, effect="on reset", label="Frame time")
     """Seconds between frames."""
     up: str = param("z", choices=("z", "y"), effect="on reset")
@@ -65,6 +73,7 @@ class Simulation:
         return 1.0 / self.dt
 
     def start(self) -> SimulationState:
+        self._check()
         xv = {i: frozen(self._start(i, robot)) for i, robot in self.robots.items()}
         memory = {i: robot.driver.memory0() for i, robot in self.robots.items()}
         return SimulationState(xv, memory, xv)
@@ -90,30 +99,55 @@ class Simulation:
         return frame, state
 
     def search(self, frame: Frame, query: Query, vision: Vision) -> Sequence[Match]:
-        raw = self._raw(frame, query.mount)
-        matches = points.match_identities(raw, query)
+        raw = frame.raw[query.mount]
+        if isinstance(raw, Image):
+            sensor, calib, pose = self._camera(query.mount, self.true_states(frame))
+            return pictures.searched(raw, query, vision, sensor, calib, pose)
         truth = self._true_measurements(frame, query)
         return [
             match if match.z is None else replace(match, true_z=z)
-            for match, z in zip(matches, truth, strict=True)
+            for match, z in zip(points.match_identities(raw, query), truth, strict=True)
         ]
 
     def detect(
         self, frame: Frame, mount: str, occupied: Occupied, count: int, vision: Vision
     ) -> Sequence[Detection]:
-        raw = self._raw(frame, mount)
-        m = self.mounts[mount]
+        raw, m = frame.raw[mount], self.mounts[mount]
+        if isinstance(raw, Image):
+            where = self._room(), *self._camera(mount, self.true_states(frame))
+            key = (self.seed, frame.index)
+            return pictures.detected(raw, occupied.h, count, vision, key, where)
         return points.detect_identities(raw, occupied, count, m.margin, m.sensor.limits)
 
     def appearance_at(self, frame: Frame, mount: str, z: Vec, vision: Vision) -> Detection | None:
-        """The measured point nearest to z, within a twentieth of the sensor's range."""
-        raw = self._raw(frame, mount)
+        """The patch at z, or the measured point nearest to z within a twentieth of the range."""
+        raw, sensor = frame.raw[mount], self.mounts[mount].sensor
+        if isinstance(raw, Image):
+            where = self._room(), *self._camera(mount, self.true_states(frame))
+            return pictures.pointed_at(raw, z, vision, where)
         found = points.nearest_identity(raw, z)
-        sensor = self.mounts[mount].sensor
         span = np.array([high - low for low, high in sensor.limits])
         if found is None or np.linalg.norm(sensor.nu(z, found.z).nu / span) > 0.05:
             return None
         return found
+
+    def appearance_of(self, known: Any) -> Any:
+        """What recognises a landmark given at the start: an identity as it is; a place of the room
+        by name ("poster:0" to "poster:3") by its patch in the first image."""
+        if self.rendering is None or not isinstance(known, str):
+            return known
+        place = pictures.known_places(self._room(), [known])[known]
+        state = self.start()
+        frame, _ = self.advance(state, 0)
+        for mount, raw in frame.raw.items():
+            if isinstance(raw, Image):
+                camera = self._camera(mount, state.xv)
+                return pictures.patch_of(raw, place, known, *camera, Vision())
+        raise SourceError(f"no camera takes a first image of the known landmark '{known}'")
+
+    def surfaces(self) -> tuple[Surface, ...]:
+        """Textured rectangles for the map; none in a world of points."""
+        return self.world.surfaces() if isinstance(self.world, TexturedRoom) else ()
 
     def outline(self) -> Vec:
         """Segments (M, 2, 3) in world axes that show the place on the map."""
@@ -185,7 +219,46 @@ class Simulation:
                 controls[i] = (Control(self.dt, motion.control_labels, frozen(u)),)
         return SimulationState(xv, memory, state.xv), controls
 
+    def _check(self) -> None:
+        """Refuses what can not be simulated together."""
+        for i, mount in self.mounts.items():
+            if mount.robot not in self.robots:
+                raise SourceError(f"source.mounts.{i}: there is no true robot '{mount.robot}'")
+            n = mount.sensor.space.n
+            if len(mount.pose) != n:
+                raise SourceError(
+                    f"source.mounts.{i}.pose: give {n} numbers, not {len(mount.pose)}"
+                )
+        if self.rendering is not None:
+            self._room()
+
+    def _room(self) -> TexturedRoom:
+        if not isinstance(self.world, TexturedRoom):
+            raise SourceError(
+                f"the world '{self.world.name}' has no surfaces to render: choose the world "
+                f"'{TexturedRoom.name}' or leave the rendering out"
+            )
+        return self.world
+
+    def _camera(self, mount: str, xv: Mapping[str, Vec]) -> tuple[Sensor, Vec, Vec]:
+        """A sensor, its true calibration and its true pose."""
+        return self.mounts[mount].sensor, self.true_calib(mount), self.true_pose(mount, xv)
+
     def _measured(self, mount: str, state: SimulationState, index: int) -> Raw:
+        sensor, calib, now = self._camera(mount, state.xv)
+        if self.rendering is None or sensor.pane != "image":
+            return self._identified(mount, state, index)
+        return pictures.photographed(
+            self._room(),
+            sensor,
+            calib,
+            (self.true_pose(mount, state.before), now),
+            self.dt,
+            self.rendering,
+            (self.seed, f"image:{mount}", index),
+        )
+
+    def _identified(self, mount: str, state: SimulationState, index: int) -> Points:
         """Noisy measurements of the landmarks that are truly visible, with their identities."""
         sensor, ids = self.mounts[mount].sensor, landmarks(self.world)[0]
         h, fault = self._projected(mount, state.xv)
@@ -262,14 +335,6 @@ class Simulation:
             )
         needed = state.xv[instrument.robot][[labels.index(s) for s in instrument.model.needs]]
         return frozen(instrument.model.h_noisy(needed, noise.rng(self.seed, f"felt:{name}", index)))
-
-    def _raw(self, frame: Frame, mount: str) -> Points:
-        raw = frame.raw[mount]
-        if not isinstance(raw, Points):
-            raise SourceError(
-                f"mount '{mount}' carries no identified points in frame {frame.index}"
-            )
-        return raw
 
     def _truth(self, state: SimulationState) -> Truth:
         xp, labels = {}, {}
