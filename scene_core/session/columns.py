@@ -45,8 +45,8 @@ class Column:
         if not len(self._rows):
             self._rows = np.empty((64, *self._shape))
 
-    def view(self) -> Vec:
-        """All rows (T, ...), read-only."""
-        out = self._rows[: self._count]
+    def view(self, count: int) -> Vec:
+        """The first `count` rows (T, ...), read-only."""
+        out = self._rows[: min(count, self._count)]
         out.flags.writeable = False
         return out

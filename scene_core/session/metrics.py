@@ -112,10 +112,17 @@ class Metrics:
         self.nis, self.nis_band = Column(), Column(2)
         self.robots: dict[str, RobotTrack] = {}
         self.calibrations: dict[str, Column] = {}
+        self._shown = 0
         self._series: Series | None = None
 
     def __len__(self) -> int:
-        return len(self.times)
+        """Rows up to the present frame."""
+        return self._shown
+
+    def show(self, frame: int) -> None:
+        """Show the rows up to the end of a frame; later ones are kept for seeking forward."""
+        self._series = None
+        self._shown = min(max(0, frame + 1 - self.first), len(self.times))
 
     def _columns(self) -> list[Column]:
         tracks = [c for r in self.robots.values() for c in r.columns]
@@ -131,9 +138,12 @@ class Metrics:
         return own + tracks + list(self.calibrations.values())
 
     def add(self, trace: Trace, source_ms: float = 0.0) -> None:
-        """One more complete frame, and how long its input took."""
-        self._series = None
-        world, truth, row = trace.world, trace.frame.truth, len(self)
+        """A complete frame, and how long its input took; one that is in the books already comes
+        out the same and is only shown."""
+        world, truth, row = trace.world, trace.frame.truth, len(self.times)
+        if trace.frame.index < self.first + row:
+            self.show(trace.frame.index)
+            return
         for robot, r in world.robots.items():
             if robot not in self.robots:
                 self.robots[robot] = RobotTrack(r.motion.space, world.up)
@@ -152,8 +162,9 @@ class Metrics:
         self.source_ms.append(source_ms)
         self.landmarks.append(float(len(world.features)))
         self.times.append(world.time)
-        if len(self) > MAX_ROWS:
+        if len(self.times) > MAX_ROWS:
             self._forget_oldest(MAX_ROWS // 4)
+        self.show(trace.frame.index)
 
     def _add_calibrations(self, trace: Trace, row: int) -> None:
         for name, (mean, sd, true) in calibrations(trace).items():
@@ -166,9 +177,9 @@ class Metrics:
 
     def truncate(self, frame: int) -> None:
         """Forget the rows after the end of `frame`."""
-        self._series = None
         for column in self._columns():
             column.truncate(max(0, frame + 1 - self.first))
+        self.show(frame)
 
     def _forget_oldest(self, count: int) -> None:
         self.first += count
@@ -177,7 +188,7 @@ class Metrics:
 
     def totals(self) -> dict[str, int]:
         """Sums of the counts over the kept frames."""
-        sums = self.counts.view().sum(axis=0)
+        sums = self.counts.view(self._shown).sum(axis=0)
         return {n: int(s) for n, s in zip(COUNTS, sums, strict=True) if n not in ("d2", "dof")}
 
     def series(self) -> Series:
@@ -187,16 +198,16 @@ class Metrics:
         return self._series
 
     def _build_series(self) -> Series:
-        ms = self.ms.view()
-        tables = {name: column.view() for name, column in self.calibrations.items()}
+        ms = self.ms.view(self._shown)
+        tables = {name: column.view(self._shown) for name, column in self.calibrations.items()}
         return Series(
-            frames=np.arange(self.first, self.first + len(self), dtype=np.float64),
-            times=self.times.view(),
+            frames=np.arange(self.first, self.first + self._shown, dtype=np.float64),
+            times=self.times.view(self._shown),
             robots={name: self._robot_series(track) for name, track in self.robots.items()},
-            nis=self.nis.view(),
-            nis_band=self.nis_band.view(),
+            nis=self.nis.view(self._shown),
+            nis_band=self.nis_band.view(self._shown),
             ms={phase: ms[:, i] for i, phase in enumerate(PHASES)},
-            landmarks=self.landmarks.view(),
+            landmarks=self.landmarks.view(self._shown),
             calibrations={
                 name: (t[:, 0], t[:, 1], t[:, 2] if np.isfinite(t[-1:, 2]).any() else None)
                 for name, t in tables.items()
@@ -205,29 +216,31 @@ class Metrics:
 
     def _robot_series(self, track: RobotTrack) -> RobotSeries:
         space, known = track.space, track.known
-        true_position, error = track.true_position.view(), track.error.view()
+        true_position, error = track.true_position.view(self._shown), track.error.view(self._shown)
         if known and self.align != "none":
             true_position, error = self._aligned(track)
         rotation = ("rx", "ry", "rz") if space.d == 3 else ("phi",) if space.d == 2 else ()
         return RobotSeries(
             labels=space.labels[: space.d] + rotation,
             units=("m",) * space.d + ("rad",) * len(rotation),
-            position=track.position.view(),
+            position=track.position.view(self._shown),
             true_position=true_position if known else None,
             error=error if known else None,
-            sd=track.sd.view(),
-            nees=track.nees.view() if known and self.align == "none" else None,
+            sd=track.sd.view(self._shown),
+            nees=track.nees.view(self._shown) if known and self.align == "none" else None,
             nees_dof=space.tangent,
             nees_band=chi2_band(space.tangent),
         )
 
     def _aligned(self, track: RobotTrack) -> tuple[Vec, Vec]:
         """The truth moved into the estimate's axes (at most 500 frames decide how), and errors."""
-        xp, true_xp = track.xp.view(), track.true_xp.view()
+        xp, true_xp = track.xp.view(self._shown), track.true_xp.view(self._shown)
         step = max(1, len(xp) // 500)
         fit = umeyama(track.space, true_xp[::step], xp[::step], self.align)
         if fit is None:
-            return track.true_position.view(), np.full_like(track.error.view(), np.nan)
+            return track.true_position.view(self._shown), np.full_like(
+                track.error.view(self._shown), np.nan
+            )
         moved = aligned_poses(track.space, fit, true_xp)
         return track.embedded(moved), -track.space.difference(moved, xp)
 
@@ -235,11 +248,11 @@ class Metrics:
         """Whether the errors are as large as the filter says: the mean NEES of the last frames,
         or without truth their NIS, against the 95 % interval of one value."""
         for track in self.robots.values():
-            recent = track.nees.view()[-LIGHT_FRAMES:]
+            recent = track.nees.view(self._shown)[-LIGHT_FRAMES:]
             if self.align == "none" and np.isfinite(recent).any():
                 dof = track.space.tangent
                 return _light("NEES", float(np.nanmean(recent)), chi2_band(dof), f"{dof} DoF")
-        counts = self.counts.view()[-LIGHT_FRAMES:]
+        counts = self.counts.view(self._shown)[-LIGHT_FRAMES:]
         frames = counts[counts[:, COUNTS.index("dof")] > 0]
         if not len(frames):
             return Light("unknown", "nothing was measured yet")

@@ -195,9 +195,10 @@ def mrclam(path: str, robot: int = 2) -> Experiment:
     )
 
 
-IMAGE_START_SD: Mapping[str, float] = dict.fromkeys(("vx", "vy", "vz"), 0.2) | dict.fromkeys(
-    ("wx", "wy", "wz"), 0.3
-)
+IMAGE_START_SD: Mapping[str, float] = {
+    **{"vx": 0.2, "vy": 0.2, "vz": 0.2},
+    **{"wx": 0.3, "wy": 0.3, "wz": 0.3},
+}
 """m/s and rad/s: somebody holds the camera when a recording says nothing about its start."""
 
 

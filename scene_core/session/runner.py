@@ -246,7 +246,8 @@ def failure(error: Exception, frame: int) -> Failure:
             f"{where}: the numbers broke down ({error}); undo the last edit and redo the frame."
         )
     return Failure(
-        f"{where}: {type(error).__name__}: {error}; undo the last edit and redo the frame, or reset."
+        f"{where}: {type(error).__name__}: {error}; undo the last edit and redo the frame, or "
+        "reset."
     )
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from time import perf_counter
 from typing import Any
 
@@ -140,12 +141,8 @@ class Session:
     @property
     def events(self) -> tuple[Event, ...]:
         """Newest first, at most 200."""
-        newest = []
-        for event in reversed(self._events):
-            newest.append(event)
-            if len(newest) == 200:
-                break
-        return tuple(newest)
+        past = (event for event in reversed(self._events) if event.frame <= self.frame)
+        return tuple(islice(past, 200))
 
     @property
     def log(self) -> tuple[tuple[int, Command], ...]:
@@ -323,6 +320,8 @@ class Session:
             return
         assert self._trace is not None
         record = self._initialised(self._trace, command)
+        self.metrics.truncate(self.frame - 1)
+        self._forget_events(self.frame - 1)
         self._complete(replace(self._trace, records=(*self._trace.records, record)))
         self.message = record.events[-1].text
 
@@ -396,12 +395,11 @@ class Session:
         self._trace = trace
         self._at = replace(self._at, world=trace.world)
         self._history.add(self._at, trace)
-        if len(self.metrics) > index - self.metrics.first:
-            self.metrics.truncate(index - 1)
-            self._forget_events(index - 1)
         self.metrics.add(trace, self._source_ms)
-        for record in trace.records:
-            self._events.extend(record.events)
+        if index > self._events_until:
+            self._events_until = index
+            for record in trace.records:
+                self._events.extend(record.events)
 
     # Elsewhere in time.
 
@@ -414,6 +412,8 @@ class Session:
         self._edits: dict[int, list[LoggedEdit]] = {}
         self._clicks: dict[int, list[InitialiseAt]] = {}
         self._events: deque[Event] = deque(maxlen=KEPT_EVENTS)
+        self._events_until = -1
+        """The last frame whose events are in."""
         self._at = Moment(-1, world, state, settings)
         self._history = History(self._history_bytes)
         self._history.add(self._at, None)
@@ -429,12 +429,12 @@ class Session:
         else:
             # A checkpoint holds the state but not the phases, so start from one further back.
             self._at, self._trace = self._history.before(max(frame - 1, -1)), None
-        self.metrics.truncate(self._at.frame)
-        self._forget_events(self._at.frame)
+        self.metrics.show(self._at.frame)
         while self._at.frame < frame:
             self.advance()
 
     def _forget_events(self, frame: int) -> None:
+        self._events_until = min(self._events_until, frame)
         while self._events and self._events[-1].frame > frame:
             self._events.pop()
 
@@ -446,3 +446,5 @@ class Session:
         for later in [f for f in self._clicks if f > frame]:
             del self._clicks[later]
         self._history.truncate(computed)
+        self.metrics.truncate(computed)
+        self._forget_events(computed)
