@@ -14,6 +14,7 @@ from scene_core.session.published import Published
 from web_panels import style, viser_hooks
 from web_panels.covariance import Covariance
 from web_panels.events import Events
+from web_panels.frame_card import FrameCard
 from web_panels.head import Head
 from web_panels.inspector import Inspector
 from web_panels.map_panel import MapPanel
@@ -25,7 +26,7 @@ from web_panels.plots import Plots
 from web_panels.sensor_bar import SensorBar
 from web_panels.sensor_image import SensorImage
 from web_panels.sensor_polar import SensorPolar
-from web_panels.transport import FrameCard, Transport
+from web_panels.transport import Transport
 from web_panels.view import ViewPanel
 
 LEFT_PX, RIGHT_PX = 452, 320
@@ -52,7 +53,6 @@ class Layout:
         self.server, self.post, self.page = server, post, page
         self.fixed: list[Panel] = []
         self.sensors: dict[str, tuple[str, viser.GuiTabHandle, Panel]] = {}
-        self._build()
 
     @property
     def panels(self) -> list[Panel]:
@@ -62,7 +62,8 @@ class Layout:
         panel.build(self.server, self.post)
         self.fixed.append(panel)
 
-    def _build(self) -> None:
+    def build(self) -> None:
+        """Everything that does not depend on the scenario."""
         gui, page = self.server.gui, self.page
         gui.configure_theme(
             dark_mode=True, show_logo=False, show_share_button=False, brand_color=style.C["nomatch"]

@@ -83,12 +83,7 @@ class ViewLoop:
         if p is None:
             return False
         if self.layout is None:
-            self.layout = Layout(self.server, self.session.post, self.page)
-            self.layout.fit_sensors(p)
-            self.layout.dock()
-            self._mounts = p.experiment.estimator.mounts
-            self._draw_all(p)
-            self.built.set()
+            self._build(p)
             return True
         if not self.server.get_clients():
             return False
@@ -104,9 +99,20 @@ class ViewLoop:
             self.server.flush()
         return True
 
-    def _draw_all(self, p: Published) -> None:
+    def _build(self, p: Published) -> None:
+        """The whole page, before anybody sees a part of it; nothing is left of a failed attempt."""
+        layout = Layout(self.server, self.session.post, self.page)
+        try:
+            layout.build()
+            layout.fit_sensors(p)
+        except Exception:
+            self.server.gui.reset()
+            raise
+        layout.dock()
+        self.layout, self._mounts = layout, p.experiment.estimator.mounts
         for turn in self._all_turns():
             self._draw(turn, p, self.page.look)
+        self.built.set()
 
     def _all_turns(self) -> list[Turn]:
         assert self.layout is not None

@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator
 from typing import Any
-from weakref import WeakSet
 
 import viser
 import viser._gui_api as gui_api
@@ -31,8 +30,6 @@ HEARD: tuple[type, ...] = (
     messages.LocalStorageGetItemResponseMessage,
 )
 """The messages of a browser that the page has a use for. No uploads, tunnels, drags or forms."""
-
-_channels: WeakSet[Any] = WeakSet()
 
 
 class HooksError(RuntimeError):
@@ -102,7 +99,7 @@ def usable(gui: Any, handle: Any) -> bool:
     state = handle._impl
     if getattr(state.props, "disabled", False):
         return False
-    if handle in _channels:
+    if getattr(state, "is_channel", False):
         return True
     if not state.props.visible:
         return False
@@ -120,8 +117,9 @@ def usable(gui: Any, handle: Any) -> bool:
 
 def open_channel(handle: viser.GuiTextHandle) -> str:
     """Let page scripts write to this invisible text widget; returns its id for `sendMessage`."""
-    _channels.add(handle)
-    return handle._impl.uuid
+    state: Any = handle._impl
+    state.is_channel = True
+    return state.uuid
 
 
 def repeat(handle: Any) -> None:
