@@ -127,8 +127,8 @@ def picture(table: Table, selected: int | None) -> np.ndarray:
     edge = LEFT + np.round(np.arange(n + 1) * size / n).astype(int)
     canvas = np.full((TOP + size + 6, SIDE, 3), (18, 22, 29), np.uint8)
     index = np.round((table.values + 1.0) * 127.5).astype(np.uint8)
-    cells = cv2.resize(index, (size, size), interpolation=cv2.INTER_NEAREST)
-    canvas[TOP : TOP + size, LEFT : LEFT + size] = np.take(ramp(), cells, axis=0)
+    cells: np.ndarray = cv2.resize(index, (size, size), interpolation=cv2.INTER_NEAREST)
+    canvas[TOP : TOP + size, LEFT : LEFT + size] = ramp()[np.asarray(cells, dtype=np.intp)]
     down = TOP - LEFT
     every = max(1, -(-len(table.names) // NAMES))
     for k, (name, first, count, label) in enumerate(table.names):
