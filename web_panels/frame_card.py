@@ -87,7 +87,7 @@ def time_bar(p: Published) -> str:
         '<div class="row"><span class="h">Time per phase</span>'
         f'<span class="d">{total:.1f} of {budget:.1f} ms</span></div>'
         f'<svg viewBox="0 0 288 10" width="100%" style="{bar_css}">{bars}</svg>'
-        '<div style="display:flex;flex-wrap:wrap;justify-content:space-between;gap:0 8px">'
+        '<div style="display:grid;grid-template-columns:repeat(4,1fr);gap:0 6px">'
         f"{cells}</div>"
     )
 

@@ -6,6 +6,7 @@ import viser
 
 from scene_core.session.published import Light, Published
 from web_panels import style
+from web_panels.map_legend import legend_html
 from web_panels.panel import Page, Post
 from web_panels.style import HEX, PHASES, escape
 
@@ -98,7 +99,8 @@ def head_html(p: Published, page: Page) -> str:
     """The whole head as markup."""
     message = ""
     if p.message:
-        message = f'<div class="d" style="margin-top:2px">{escape(p.message)}</div>'
+        text = escape(p.message)
+        message = f'<div class="d two" title="{text}" style="margin-top:2px">{text}</div>'
     return style.block(
         f'<div class="row" style="margin:2px 0 8px"><b style="font-size:14px">EKF-SLAM '
         f'<span class="d" style="font-weight:400">&nbsp;preset</span> '
@@ -119,8 +121,10 @@ class Head:
     def build(self, server: viser.ViserServer, post: Post) -> None:
         self.sheet = server.gui.add_html(style.STYLE_SHEET)
         self.html = server.gui.add_html("")
+        self.legend = server.gui.add_html("")
 
     def render(self, p: Published) -> None:
         look = self.page.look
         self.sheet.content = style.STYLE_SHEET + (style.LARGE_TYPE if look.large else "")
+        self.legend.content = legend_html(look)
         self.html.content = head_html(p, self.page)

@@ -295,8 +295,6 @@ class Robots:
                 color=C["estimate"],
                 thickness=2.5,
                 thickness_units="screen",
-                image=np.zeros((8, 8, 3), np.uint8),
-                format="jpeg",
                 position=pose[:3],
                 wxyz=pose[3:],
                 cast_shadow=False,
@@ -390,7 +388,7 @@ class TrueLandmarks:
                 "/map/truth/points",
                 at.astype(np.float32),
                 C["truth"],
-                point_size=0.009 * self.size,
+                point_size=0.005 * self.size,
                 point_shape="circle",
                 precision="float32",
             )

@@ -83,6 +83,7 @@ font-weight:600}
 .e td:first-child,.e th:first-child{text-align:left}.e th{color:var(--dim);font-size:10.5px}
 .e tr:last-child td{border-bottom:0}
 .e .card{background:var(--card);border:1px solid var(--rule);border-radius:5px;padding:8px 10px}
+.e .two{display:-webkit-box;-webkit-line-clamp:2;-webkit-box-orient:vertical;overflow:hidden}
 .e math{font-size:14px}
 .e kbd{font:600 10px ui-monospace,monospace;border:1px solid var(--frame);border-radius:3px;
 padding:0 4px;color:var(--soft);background:var(--key)}

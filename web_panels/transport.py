@@ -18,7 +18,7 @@ BUTTONS: tuple[tuple[str, str | None, str, Action, str], ...] = (
     ("Play", "space", "PLAYER_PLAY", "toggle", "Play, or pause between two phases."),
     ("Next frame", "N", "PLAYER_TRACK_NEXT", "step frame", "Finish this frame, or do one more."),
     ("Next phase", "P", "PLAYER_SKIP_FORWARD", "step phase", "Do one phase of the frame and stop."),
-    ("Back one frame", "B", "PLAYER_TRACK_PREV", "back", "To the end of the frame before."),
+    ("Back", "B", "PLAYER_TRACK_PREV", "back", "To the end of the frame before."),
     ("Redo frame", "R", "REFRESH", "redo", "Compute this frame again, with the settings as now."),
     ("Reset run", None, "RESTORE", "reset", "Back to the start; the settings stay."),
 )

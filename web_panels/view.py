@@ -1,4 +1,4 @@
-"""The View tab: confidence, layers, views, type; and the legend of the map."""
+"""The View tab: confidence, layers, views, type."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Any
 
 import viser
 
-from scene_core.geometry.ellipses import chi2_gate, sigma
+from scene_core.geometry.ellipses import chi2_gate
 from scene_core.session.published import Published
 from web_panels import style
+from web_panels.map_legend import confidence_words
 from web_panels.panel import Look, Page, Post, View
-from web_panels.style import legend
 from web_panels.widgets import Bound, Group, on_press
 
 VIEWS: tuple[tuple[str, View, str], ...] = (
@@ -33,53 +33,6 @@ LAYERS: tuple[tuple[str, str, str], ...] = (
 )
 
 COLOURS = {"verdict of this frame": "verdict", "correlation with the selected": "correlation"}
-
-MAP_LEGEND = (
-    ("line", "truth", "truth"),
-    ("line", "estimate", "estimate"),
-    ("dot", "accepted", "accepted"),
-    ("dot", "nomatch", "no match"),
-    ("dot", "rejected", "rejected"),
-    ("dot", "unselected", "not selected"),
-    ("dot", "out", "out of view"),
-    ("ray", "partial", "new; ray: depth open"),
-)
-
-PLACE_LEGEND = """(()=>{const id='scene-legend',m=document.getElementById('scene-legend-source');
-let d=document.getElementById(id);if(!m)return;if(!d){d=document.createElement('div');d.id=id;
-document.body.appendChild(d);const place=()=>{const c=window.__viserMutable&&
-window.__viserMutable.canvas;if(!c)return;const r=c.getBoundingClientRect();
-const narrow=window.innerWidth<700;d.style.left=r.left+'px';d.style.width=r.width+'px';
-d.style.top=narrow?'6px':'auto';d.style.bottom=narrow?'auto':(window.innerHeight-r.bottom+10)+'px'};
-setInterval(place,300);place()}d.innerHTML=m.innerHTML})()"""
-"""Copies the legend over the middle of the 3-D canvas, wherever the panels leave it."""
-
-
-def confidence_words(look: Look) -> str:
-    """95 % in 3-D = 2.80 sigma."""
-    return f"{100 * look.confidence:g} % in 3-D = {sigma(3, look.confidence):.2f} sigma"
-
-
-def legend_html(look: Look) -> str:
-    """The legend of the map, and the script that puts it there."""
-    if look.colour == "correlation":
-        items = (
-            ("line", "truth", "truth"),
-            ("line", "estimate", "estimate"),
-            ("dot", "out", "correlation 0"),
-            ("dot", "unselected", "1 with the selected"),
-        )
-    else:
-        items = MAP_LEGEND
-    inner = (
-        '<div class="e" style="text-align:center"><div class="maplegend">'
-        f'{legend(items)}<span class="lg">ellipsoids {confidence_words(look)}</span></div></div>'
-    )
-    script = style.escape(PLACE_LEGEND)
-    return (
-        f'<div id="scene-legend-source" style="display:none">{inner}</div>'
-        f'<img src="data:," style="display:none" onerror="{script}">'
-    )
 
 
 class ViewPanel:
@@ -121,7 +74,6 @@ class ViewPanel:
         dark = gui.add_checkbox("Dark", True, hint="Dark or light page.")
         self.dark = Bound(dark, self.group, self._setter("dark"))
         self.gui = gui
-        self.legend = gui.add_html("")
 
     def _ask(self, client: viser.ClientHandle, view: View) -> None:
         if self.page.views is not None:
@@ -141,7 +93,6 @@ class ViewPanel:
         gate = chi2_gate(3, look.confidence)
         words = f"{confidence_words(look)} (d2 &lt; {gate:.2f})."
         self.words.content = style.block(f'<span class="d">{words}</span>', "padding:0 10px 6px")
-        self.legend.content = legend_html(look)
         if self.drawn is None or self.drawn.dark != look.dark:
             self.gui.configure_theme(
                 dark_mode=look.dark,
