@@ -71,7 +71,7 @@ class HandHeld(Driver):
     """Time for one round."""
     hold_place: float = param(1.0, unit="1/s", lo=0.05, hi=20.0, soft=(0.2, 4.0))
     """How firmly the hand keeps to its way: natural frequency f of the return to it."""
-    hold_view: float = param(1.5, unit="1/s", lo=0.05, hi=20.0, soft=(0.2, 4.0))
+    hold_view: float = param(2.2, unit="1/s", lo=0.05, hi=20.0, soft=(0.2, 4.0))
     """How firmly it keeps its view."""
     places: tuple[tuple[float, float, float], ...] = PLACES
     """Where the round leads, m; reached at equal intervals."""

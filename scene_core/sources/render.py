@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -25,8 +25,10 @@ LEVELS = 5
 """Of every texture's pyramid."""
 _PAD = 4
 """Texels by which a texture is continued in the atlas, at every level."""
-_CELL = 8
+_CELL = 16
 """Pixels between the rays of the coarse grid that tells which surfaces are in view."""
+_STEP = 0.7
+"""Pixels between the images an exposure is made of."""
 _MAX_SAMPLES = 12
 
 
@@ -36,7 +38,7 @@ class Rendering:
 
     exposure: float = param(0.006, unit="s", lo=0.0, hi=0.5, soft=(0.0, 0.04), label="Exposure")
     """Time the shutter is open: what moves meanwhile is blurred."""
-    gain: float = param(1.0, lo=0.05, hi=10.0, soft=(0.3, 2.0), label="Gain")
+    gain: float = param(1.3, lo=0.05, hi=10.0, soft=(0.3, 2.0), label="Gain")
     """Brightness of the image as a factor; it saturates at 255 grey levels."""
     flicker: float = param(0.01, lo=0.0, hi=1.0, soft=(0.0, 0.2), label="Flicker")
     """Standard deviation of the gain from frame to frame, as a fraction."""
@@ -73,10 +75,11 @@ class Scene(NamedTuple):
     """Texels (S, 2): columns, rows."""
     is_wall: np.ndarray
     atlas: np.ndarray
-    """uint8 grey image that holds all pyramids."""
-    at_x: np.ndarray
-    """Column (S * LEVELS,) of a pyramid level's first texel in the atlas, float32."""
-    at_y: np.ndarray
+    """uint8 grey image that holds all pyramids, one below the other; level j of each starts in
+    column 2 pitch (1 - 2^-j)."""
+    pitch: float
+    top: np.ndarray
+    """Row (S,) in the atlas where a surface's pyramid starts, float32."""
 
 
 @lru_cache(maxsize=4)
@@ -104,17 +107,14 @@ def scene_of(room: TexturedRoom) -> Scene:
     """The room's surfaces with their textures in one atlas."""
     surfaces = room.surfaces()
     chains = [_pyramid(s.texture) for s in surfaces]
-    width = max(sum(level.shape[1] for level in chain) for chain in chains)
+    widest = max(chain[0].shape[1] for chain in chains) + 2 * _PAD * 2**LEVELS
+    pitch = -(-widest // 2**LEVELS) * 2**LEVELS
     tops = np.cumsum([0, *(chain[0].shape[0] for chain in chains)])
-    atlas = np.zeros((int(tops[-1]), width), np.uint8)
-    at = np.zeros((len(surfaces), LEVELS, 2))
-    for i, chain in enumerate(chains):
-        left = 0
+    atlas = np.zeros((int(tops[-1]), 2 * pitch), np.uint8)
+    for top, chain in zip(tops, chains, strict=False):
         for j, level in enumerate(chain):
-            rows, columns = level.shape
-            atlas[tops[i] : tops[i] + rows, left : left + columns] = level
-            at[i, j] = left + _PAD, tops[i] + _PAD
-            left += columns
+            left = 2 * pitch - 2 * pitch // 2**j
+            atlas[top : top + level.shape[0], left : left + level.shape[1]] = level
     size = np.array([s.texture.shape[1::-1] for s in surfaces])
     metres = np.array([(s.width, s.height) for s in surfaces])
     scale = size / metres
@@ -127,8 +127,8 @@ def scene_of(room: TexturedRoom) -> Scene:
         size=size,
         is_wall=np.array([s.is_wall for s in surfaces]),
         atlas=atlas,
-        at_x=at[..., 0].ravel().astype(np.float32),
-        at_y=at[..., 1].ravel().astype(np.float32),
+        pitch=float(pitch),
+        top=tops[:-1].astype(np.float32),
     )
 
 
@@ -173,14 +173,14 @@ def render(
 
 
 def _exposed(rays: Rays, now: Vec, before: Vec, dt: float, exposure: float) -> list[Vec]:
-    """Camera poses (7,) spread evenly over the exposure, about one for every half pixel."""
+    """Camera poses (7,) spread evenly over the exposure, one for every _STEP pixels of motion."""
     if dt <= 0.0 or exposure <= 0.0:
         return [now]
     v = (now[:3] - before[:3]) / dt
     turn = quaternion.product(quaternion.conjugate(before[3:]), now[3:])
     w = quaternion.to_rotation_vector(turn)[0] / dt
     travel = exposure * rays.focal * (np.linalg.norm(w) + np.linalg.norm(v))
-    count = int(np.clip(np.ceil(2.0 * travel), 1, _MAX_SAMPLES))
+    count = int(np.clip(np.ceil(travel / _STEP), 1, _MAX_SAMPLES))
     times = exposure * ((np.arange(count) + 0.5) / count - 0.5)
     return [
         np.concatenate(
@@ -230,30 +230,31 @@ def look(scene: Scene, rays: Rays, pose: Vec) -> np.ndarray:
     _, height, width = rays.d.shape
     flat = rays.d.reshape(3, -1)
     best = np.full((height, width), -1.0, np.float32)
-    u, v, log_scale = (np.empty((height, width), np.float32) for _ in range(3))
-    which = np.zeros((height, width), np.int32)
+    u, v, log_scale, top = (np.empty((height, width), np.float32) for _ in range(4))
     for i in walls:
         s, us, vs = (np.stack([view.s[i], view.u[i], view.v[i]]) @ flat).reshape(3, height, width)
-        _keep(s > best, (best, u, v), (s, us, vs))
-        wins = best == s
-        which[wins] = i * LEVELS
-        log_scale[wins] = view.log_scale[i]
+        fits = s > best
+        _keep(fits, (best, u, v, log_scale, top), (s, us, vs, view.log_scale[i], scene.top[i]))
     for i, rows, columns in boxes:
         block = (slice(rows[0], rows[1]), slice(columns[0], columns[1]))
         d = rays.d[:, block[0], block[1]]
         s, us, vs = np.tensordot(np.stack([view.s[i], view.u[i], view.v[i]]), d, 1)
         here = best[block]
         w, h = scene.size[i]
-        hit = (s > here) & (us >= 0.0) & (us <= w * s) & (vs >= 0.0) & (vs <= h * s)
-        _keep(hit, (here, u[block], v[block]), (s, us, vs))
-        which[block][hit] = i * LEVELS
-        log_scale[block][hit] = view.log_scale[i]
-    return _sampled(scene, rays, best, u, v, log_scale, which)
+        fits = (s > here) & (us >= 0.0) & (us <= w * s) & (vs >= 0.0) & (vs <= h * s)
+        to = (here, u[block], v[block], log_scale[block], top[block])
+        _keep(fits, to, (s, us, vs, view.log_scale[i], scene.top[i]))
+    return _sampled(scene, rays, best, u, v, log_scale, top)
 
 
-def _keep(hit: np.ndarray, to: tuple[np.ndarray, ...], values: tuple[np.ndarray, ...]) -> None:
+def _keep(fits: np.ndarray, to: tuple[np.ndarray, ...], values: tuple[Any, ...]) -> None:
+    """Where `fits`, write arrays and constants to their places."""
+    mask = fits.view(np.uint8)
     for a, b in zip(to, values, strict=True):
-        np.copyto(a, b, where=hit)
+        if isinstance(b, np.ndarray):
+            cv2.copyTo(b, mask, a)
+        else:
+            np.copyto(a, b, where=fits)
 
 
 _Box = tuple[int, tuple[int, int], tuple[int, int]]
@@ -270,7 +271,7 @@ def _in_sight(scene: Scene, rays: Rays, view: _View) -> tuple[np.ndarray, list[_
     walls = np.flatnonzero(scene.is_wall)
     nearest = walls[np.unique(s[walls].argmax(0))]
     grid = shape[0] * shape[1]
-    cell = 24.0 * np.maximum(s[:, :grid], 0.0)
+    cell = _CELL / rays.focal * np.linalg.norm(scene.right, axis=1)[:, None]
     w, h = scene.size[:, :1], scene.size[:, 1:]
     s0, u0, v0 = s[:, :grid], us[:, :grid], vs[:, :grid]
     near = (s0 > 0) & (u0 > -cell) & (u0 < w * s0 + cell) & (v0 > -cell) & (v0 < h * s0 + cell)
@@ -291,29 +292,29 @@ def _sampled(
     us: np.ndarray,
     vs: np.ndarray,
     log_scale: np.ndarray,
-    which: np.ndarray,
+    top: np.ndarray,
 ) -> np.ndarray:
     """Grey levels where the rays meet the textures, filtered over two pyramid levels.
 
     A pixel of angle a at distance r = 1/s on a plane at distance g covers a sqrt(r^3 / g) on it,
     the geometric mean of its sides."""
-    lod = rays.log_size + log_scale - 1.5 * np.log2(s)
+    lod = rays.log_size + log_scale
+    lod -= np.float32(1.5) * np.log2(s)
     np.clip(lod, 0.0, LEVELS - 1.001, out=lod)
     level = lod.astype(np.int32)
-    fraction = lod - level
-    u, v = us / s, vs / s
-    which += level
     half = _HALF[level]
-    grey = []
-    for step in range(2):
-        x = u * half + (scene.at_x[which] - np.float32(0.5))
-        y = v * half + (scene.at_y[which] - np.float32(0.5))
-        grey.append(cv2.remap(scene.atlas, x, y, cv2.INTER_LINEAR))
-        if step == 0:
-            which += 1
-            half *= np.float32(0.5)
-    near = grey[0].astype(np.float32)
-    return near + fraction * (grey[1] - near)
+    r = np.reciprocal(s)
+    u, v = us * r, vs * r
+    # Texel i of level 0 has its centre at i + 1/2; level j starts in column 2 pitch (1 - 2^-j).
+    start, edge = np.float32(2.0 * scene.pitch), np.float32(_PAD - 0.5)
+    u -= start
+    top = top + edge
+    near = cv2.remap(scene.atlas, u * half + (start + edge), v * half + top, cv2.INTER_LINEAR)
+    half *= np.float32(0.5)
+    far = cv2.remap(scene.atlas, u * half + (start + edge), v * half + top, cv2.INTER_LINEAR)
+    out = near.astype(np.float32)
+    out += (lod - level) * (far - out)
+    return out
 
 
 _HALF = (0.5 ** np.arange(LEVELS)).astype(np.float32)
