@@ -13,6 +13,7 @@ from typing import Any, Literal
 from scene_core.filter.policies import Policies
 from scene_core.filter.ports import Source
 from scene_core.models.base import InternalMeasurementModel, MotionModel, Sensor
+from scene_core.params import param
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class MountSettings:
     sensor: Sensor
     robot: str
     pose: tuple[float, ...]
-    """x_RS in the sensor's space."""
+    """x_RS in the space of the sensor: z; z, x, phi; or x, y, z, qw, qx, qy, qz. In m and rad."""
     hook: str = "base"
     pose_sd: Mapping[str, float] = field(default_factory=dict)
     """Not empty: the pose is estimated; labels as in RobotSettings.start_sd."""
@@ -55,10 +56,11 @@ class InstrumentSettings:
 class KnownFeature:
     """A landmark given at the start."""
 
-    position: tuple[float, ...]
-    appearance: Any
-    """An identity, or the path of an image patch."""
-    sd: float = 0.0
+    position: tuple[float, ...] = param(unit="m")
+    """Place in the world."""
+    appearance: Any = None
+    """An identity, the path of an image patch, or the name of a place of the simulated world."""
+    sd: float = param(0.0, unit="m", lo=0.0)
     """Standard deviation of every coordinate."""
 
 

@@ -1,0 +1,62 @@
+"""Which classes may stand where an experiment names an abstract one, and the words for them."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pkgutil
+from collections.abc import Mapping
+from dataclasses import is_dataclass
+from functools import cache
+from types import MappingProxyType
+from typing import Any
+
+import scene_core.sources
+from scene_core.filter.ports import Source
+from scene_core.models import registry
+
+SOURCES: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {
+        "simulation": ("scene_core.sources.simulated", "Simulation"),
+        "images": ("scene_core.sources.images", "ImageSequence"),
+        "mrclam": ("scene_core.sources.datasets", "Mrclam"),
+    }
+)
+"""Module and class by the word a settings file uses."""
+
+
+@cache
+def variants(hint: Any) -> tuple[str, Mapping[str, type[Any]]] | None:
+    """The key that names the class ("model" or "kind") and the classes by name, for an abstract
+    type; None for a concrete one."""
+    if hint is Source:
+        return "kind", {k: _imported(module, name) for k, (module, name) in SOURCES.items()}
+    for kind, base in registry.KINDS.items():
+        if hint is base:
+            return "model", registry.models(kind)
+    if inspect.isclass(hint) and inspect.isabstract(hint):
+        for module in pkgutil.iter_modules(scene_core.sources.__path__):
+            importlib.import_module(f"scene_core.sources.{module.name}")
+        return "kind", {cls.name: cls for cls in _final(hint)}
+    return None
+
+
+def word(hint: Any, value: Any) -> str:
+    """The name of the class of `value` among the variants of `hint`."""
+    found = variants(hint)
+    assert found is not None
+    return next(name for name, cls in found[1].items() if cls is type(value))
+
+
+def _imported(module: str, name: str) -> type[Any]:
+    return getattr(importlib.import_module(module), name)
+
+
+def _final(base: type[Any]) -> list[type[Any]]:
+    """Concrete dataclasses below an abstract class, in the order of their definition."""
+    out = []
+    for cls in base.__subclasses__():
+        if is_dataclass(cls) and not inspect.isabstract(cls):
+            out.append(cls)
+        out += _final(cls)
+    return out
