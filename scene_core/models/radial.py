@@ -67,13 +67,13 @@ def undistort(p_out: Vec, d: Vec) -> Scaled:
     """p with p L(|p|^2) = p_out (..., 2), |p| below the fold, with Jacobians by p_out and by d.
 
     With A = dp_out/dp: dp/dp_out = A^-1 and dp/dd_i = -A^-1 p |p|^(2i). A p_out farther out than
-    the fold's image has no origin and is given the direction at the fold.
+    the fold's image has no origin: it gets the fold's own, in its direction.
     """
     r_out = np.sqrt((p_out * p_out).sum(-1))
-    r = _inverse_radius(r_out, d)
+    r, reached = _inverse_radius(r_out, d)
     s = r * r
     L, dL = _factor(s, d)
-    p = p_out / L[..., None]
+    p = p_out * (reached / L)[..., None]
     # A = L I + 2 L' p p', inverted by the Sherman-Morrison formula.
     slope = (2.0 * dL / (L + 2.0 * dL * s))[..., None, None]
     by_p = (np.eye(2) - slope * (p[..., :, None] * p[..., None, :])) / L[..., None, None]
@@ -81,38 +81,40 @@ def undistort(p_out: Vec, d: Vec) -> Scaled:
     return Scaled(p, by_p, by_d)
 
 
-def _inverse_radius(r_out: Vec, d: Vec) -> Vec:
+def _inverse_radius(r_out: Vec, d: Vec) -> tuple[Vec, Vec]:
+    """r with r L(r^2) = r_out, and the fraction of r_out that the lens reaches (1 but beyond the
+    fold)."""
     if not len(d):
-        return r_out
+        return r_out, np.ones_like(r_out)
     fold = fold_radius(d)
     # Just short of the fold the slope is still positive, which keeps the Jacobian finite.
-    limit = 0.999 * fold if np.isfinite(fold) else np.inf
-    r = np.minimum(r_out, limit)
-    for _ in range(8):
-        r = np.clip(r - _residual(r, r_out, d), 0.0, limit)
-    step = np.abs(_residual(r, r_out, d))
-    bad = (step > 1e-12 * (1.0 + r)) & (r < limit)
+    limit = 0.999 * fold
+    most = limit * float(_factor(np.array(limit**2), d)[0]) if np.isfinite(fold) else np.inf
+    target = np.minimum(r_out, most)
+    r = np.minimum(target, limit)
+    for _ in range(6):
+        r = np.clip(r - _newton_step(r, target, d), 0.0, limit)
+    bad = np.abs(_newton_step(r, target, d)) > 1e-12 * (1.0 + r)
     if bad.any():
-        r = np.where(bad, _bisected(r_out, d, limit), r)
-    return r
+        r = np.where(bad, _bisected(target, d, limit), r)
+    return r, np.where(r_out > most, target / np.where(r_out > 0.0, r_out, 1.0), 1.0)
 
 
-def _residual(r: Vec, r_out: Vec, d: Vec) -> Vec:
-    """Newton's step at r."""
+def _newton_step(r: Vec, target: Vec, d: Vec) -> Vec:
     L, dL = _factor(r * r, d)
-    return (r * L - r_out) / (L + 2.0 * dL * r * r)
+    return (r * L - target) / (L + 2.0 * dL * r * r)
 
 
-def _bisected(r_out: Vec, d: Vec, limit: float) -> Vec:
-    """The same root without Newton's temper: halving a bracket down to the last bit."""
-    lo, hi = np.zeros_like(r_out), np.minimum(np.maximum(2.0 * r_out, 1.0), limit)
+def _bisected(target: Vec, d: Vec, limit: float) -> Vec:
+    """The same root where Newton's method strays: a bracket halved down to the last bits."""
+    lo, hi = np.zeros_like(target), np.minimum(np.maximum(2.0 * target, 1.0), limit)
     for _ in range(60):
-        low = (hi * _factor(hi * hi, d)[0] < r_out) & (hi < limit)
+        low = (hi * _factor(hi * hi, d)[0] < target) & (hi < limit)
         if not low.any():
             break
         hi = np.where(low, np.minimum(2.0 * hi, limit), hi)
-    for _ in range(80):
+    for _ in range(60):
         mid = 0.5 * (lo + hi)
-        below = mid * _factor(mid * mid, d)[0] < r_out
+        below = mid * _factor(mid * mid, d)[0] < target
         lo, hi = np.where(below, mid, lo), np.where(below, hi, mid)
     return 0.5 * (lo + hi)
