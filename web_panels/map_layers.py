@@ -102,7 +102,7 @@ class Ellipsoids:
     """All features in one node. Every feature keeps its instance for as long as it lives."""
 
     def __init__(self, scene: viser.SceneApi) -> None:
-        self.capacity = 64
+        self.capacity = 256
         self.slots: dict[Label, int] = {}
         self.label_at: dict[int, Label] = {}
         self.free = list(range(self.capacity - 1, -1, -1))

@@ -29,6 +29,7 @@ class ModelsPanel:
     def build(self, server: viser.ViserServer, post: Post) -> None:
         self.gui, self.post = server.gui, post
         self.about = server.gui.add_html("")
+        self.place = server.gui.add_folder(None)
         self.box: viser.GuiFolderHandle | None = None
 
     def _rebuild(self, p: Published) -> None:
@@ -36,7 +37,8 @@ class ModelsPanel:
             self.box.remove()
         self.group.forget()
         self.bound.clear()
-        self.box = self.gui.add_folder("Swap", order=self.gui_order())
+        with self.place:
+            self.box = self.gui.add_folder(None)
         with self.box:
             options = tuple(dict.fromkeys((p.experiment.name, *p.presets)))
             scenario = self.gui.add_dropdown(
@@ -46,10 +48,6 @@ class ModelsPanel:
             for role in p.roles:
                 self.bound[role.role] = self._dropdown(role)
             self.note = self.gui.add_html("")
-
-    def gui_order(self) -> float:
-        """After the scenario's sentence."""
-        return self.about.order + 0.5
 
     def _dropdown(self, role: RoleOptions) -> Bound:
         options = tuple(dict.fromkeys((role.current, *role.options)))

@@ -13,7 +13,7 @@ from scene_core.params import Spec
 from scene_core.session.commands import Redo, ResetParams, SetParam, Undo
 from scene_core.session.config import Experiment
 from scene_core.session.published import Published
-from scene_core.session.toml_io import to_toml
+from scene_core.session.toml_io import dumps
 from web_panels import style
 from web_panels.panel import Page, Post
 from web_panels.style import escape, number, shown
@@ -92,14 +92,14 @@ class _Parameters:
         self.page = page
         self.group = Group()
         self.fields: dict[str, Field] = {}
-        self.folders: list[viser.GuiFolderHandle] = []
+        self.box: viser.GuiFolderHandle | None = None
         self.shape: object = None
         self.drawn: tuple[object, ...] = ()
 
     def build(self, server: viser.ViserServer, post: Post) -> None:
         gui = self.gui = server.gui
         self.post = post
-        self.order = gui.add_html("").order
+        self.place = gui.add_folder(None)
         self.note = gui.add_html("")
         self.card = gui.add_html("")
         self.undo = gui.add_button("Undo", icon=viser.Icon.ARROW_BACK_UP, color="gray")
@@ -114,23 +114,21 @@ class _Parameters:
     def _save(self, client: viser.ClientHandle) -> None:
         p = self.latest
         now = p.pending or p.experiment
-        content = to_toml(now, p.base).encode()
+        content = dumps(now, p.base).encode()
         client.send_file_download(f"{now.name}.toml", content, save_immediately=True)
 
     def _rebuild(self, specs: list[Spec]) -> None:
-        for folder in self.folders:
-            folder.remove()
+        if self.box is not None:
+            self.box.remove()
         self.group.forget()
-        self.folders, self.fields = [], {}
-        groups = by_folder(specs)
-        for i, (title, members) in enumerate(groups.items()):
-            at = self.order + (i + 1) / (len(groups) + 2)
-            folder = self.gui.add_folder(title, order=at)
-            with folder:
+        self.fields = {}
+        with self.place:
+            self.box = self.gui.add_folder(None)
+        for title, members in by_folder(specs).items():
+            with self.box, self.gui.add_folder(title):
                 for spec in members:
                     send = self._sender(spec.path)
                     self.fields[spec.path] = Field(self.gui, self.group, spec, send)
-            self.folders.append(folder)
         text = (
             "Hover a name for its help and when it takes effect." if specs else escape(self.empty)
         )

@@ -100,8 +100,8 @@ linear-gradient(currentColor,currentColor) 100% 100%/4px 1.3px no-repeat}
 max-height:180px;overflow:auto}
 div:has(>div>.mantine-Button-root[data-block]){display:grid;grid-template-columns:repeat(2,minmax(0,1fr))}
 div:has(>div>.mantine-Button-root[data-block])>div:not(:has(>.mantine-Button-root)){grid-column:1/-1}
-div:has(>.mantine-Button-root[data-block]):nth-child(odd){margin-right:3px!important}
-div:has(>.mantine-Button-root[data-block]):nth-child(even){margin-left:3px!important}
+div:nth-child(odd of :has(>.mantine-Button-root[data-block])){margin-right:3px!important}
+div:nth-child(even of :has(>.mantine-Button-root[data-block])){margin-left:3px!important}
 .mantine-Button-root{padding-inline:4px!important}.mantine-Button-label{font-size:13px}
 label{letter-spacing:0!important}
 #scene-legend{position:fixed;z-index:5;pointer-events:none}
