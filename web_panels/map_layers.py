@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Callable, Coroutine
 from typing import Any
 
 import cv2
@@ -24,6 +25,8 @@ from web_panels.map_geometry import Bounds, Cloud
 from web_panels.style import C, linear
 
 BALL = trimesh.creation.icosphere(2)
+
+Clicked = Callable[[viser.SceneNodePointerEvent], Coroutine[Any, Any, None]]
 
 
 class Ground:
@@ -101,23 +104,32 @@ def textured(surface: Any) -> trimesh.Trimesh:
 class Ellipsoids:
     """All features in one node. Every feature keeps its instance for as long as it lives."""
 
-    def __init__(self, scene: viser.SceneApi) -> None:
-        self.capacity = 256
+    def __init__(self, server: viser.ViserServer, clicked: Clicked) -> None:
+        self.server, self.clicked = server, clicked
         self.slots: dict[Label, int] = {}
         self.label_at: dict[int, Label] = {}
-        self.free = list(range(self.capacity - 1, -1, -1))
-        self.node = scene.add_batched_meshes_simple(
+        self._hold(256)
+
+    def _hold(self, capacity: int) -> None:
+        """Make the node for so many features. It never changes its size: browsers report GL errors
+        while the attributes of a growing instanced mesh disagree."""
+        self.capacity = capacity
+        self.free = [i for i in range(capacity - 1, -1, -1) if i not in self.label_at]
+        wxyz, positions, scales, colors = self._blank()
+        self.node = self.server.scene.add_batched_meshes_simple(
             "/map/features",
             np.asarray(BALL.vertices),
             np.asarray(BALL.faces),
-            *self._blank()[:2],
-            batched_scales=self._blank()[2],
-            batched_colors=self._blank()[3],
+            wxyz,
+            positions,
+            batched_scales=scales,
+            batched_colors=colors,
             opacity=0.78,
             lod="off",
             cast_shadow=False,
             receive_shadow=False,
         )
+        self.node.on_click(self.clicked)
 
     def _blank(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         wxyz = np.zeros((self.capacity, 4), dtype=np.float32)
@@ -132,9 +144,8 @@ class Ellipsoids:
             slot = self.slots.pop(label)
             del self.label_at[slot]
             self.free.append(slot)
-        while len(self.free) < len(here) - len(self.slots):
-            self.free[:0] = range(2 * self.capacity - 1, self.capacity - 1, -1)
-            self.capacity *= 2
+        while self.capacity < len(here):
+            self._hold(2 * self.capacity)
         for label in labels:
             if label not in self.slots:
                 slot = self.free.pop()
@@ -142,12 +153,12 @@ class Ellipsoids:
                 self.label_at[slot] = label
         return np.array([self.slots[label] for label in labels], dtype=int)
 
-    def render(self, server: viser.ViserServer, cloud: Cloud, rgb: np.ndarray) -> None:
+    def render(self, cloud: Cloud, rgb: np.ndarray) -> None:
         slots = self._place(cloud.labels)
         wxyz, positions, scales, colors = self._blank()
         wxyz[slots], positions[slots], scales[slots] = cloud.wxyz, cloud.positions, cloud.scales
         colors[slots] = linear(rgb)
-        with server.atomic():
+        with self.server.atomic():
             self.node.batched_positions = positions
             self.node.batched_wxyzs = wxyz
             self.node.batched_scales = scales

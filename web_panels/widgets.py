@@ -21,6 +21,9 @@ from web_panels.style import shown
 SETTLE_S = 0.2
 """After the last event of a group its inputs show what is in force; until then hands off."""
 
+MOST_STEPS = 1000
+"""A slider over a wider range than this could not be aimed at."""
+
 Send = Callable[[Any], None]
 """Takes the new value of an input, in SI units."""
 
@@ -120,6 +123,17 @@ def nice_step(lo: float, hi: float) -> float:
     return next(m * ten for m in (5.0, 2.0, 1.0) if m * ten <= raw * (1 + 1e-9))
 
 
+def rounded(value: float, digits: int = 5) -> float:
+    """A value as an input shows it; what is in force stays exact until somebody edits it."""
+    return float(f"{value:.{digits}g}")
+
+
+def title(label: str) -> str:
+    """A label with a capital, unless it begins with a symbol."""
+    first = label.split()[0]
+    return label[:1].upper() + label[1:] if first.isalpha() and len(first) > 2 else label
+
+
 class Field:
     """The input of one parameter, in the units of the page."""
 
@@ -127,17 +141,14 @@ class Field:
         self.spec = spec
         unit = shown(0.0, spec.unit)[1]
         self.scale = shown(1.0, spec.unit)[0]
-        label = f"{spec.label}, {unit}" if unit else spec.label
+        label = f"{title(spec.label)}, {unit}" if unit else title(spec.label)
         handle = self._input(gui, label, hint(spec, unit))
         self.bound = Bound(handle, group, lambda v: send(self._to_si(v)))
 
     def _to_page(self, value: Any) -> Any:
         if isinstance(value, tuple):
-            return tuple(float(v) * self.scale for v in value)
-        if isinstance(value, float):
-            shown_value = value * self.scale
-            return float(f"{shown_value:.12g}")
-        return value
+            return tuple(rounded(float(v) * self.scale) for v in value)
+        return rounded(value * self.scale) if isinstance(value, float) else value
 
     def _to_si(self, value: Any) -> Any:
         if isinstance(self.spec.value, tuple):
@@ -154,35 +165,35 @@ class Field:
             return gui.add_checkbox(label, value, hint=help_text)
         if isinstance(value, str):
             return gui.add_text(label, value, hint=help_text)
-        lo = None if spec.lo is None else self._to_page(spec.lo)
-        hi = None if spec.hi is None else self._to_page(spec.hi)
+        lo, hi = (None if b is None else b * self.scale for b in (spec.lo, spec.hi))
         if isinstance(value, tuple):
             return self._tuple(gui, label, value, lo, hi, help_text)
-        soft = spec.soft or ((spec.lo, spec.hi) if None not in (spec.lo, spec.hi) else None)
-        return self._number(gui, label, value, lo, hi, soft, help_text)
+        return self._number(gui, label, value, lo, hi, help_text)
+
+    def _soft(self, lo: Any, hi: Any) -> tuple[float, float] | None:
+        """The slider's range in units of the page; None where a slider would be of no use."""
+        spec = self.spec
+        if spec.soft is None:
+            narrow = spec.lo is not None and spec.hi is not None and hi - lo <= MOST_STEPS
+            return (lo, hi) if narrow else None
+        low, high = (rounded(b * self.scale, 3) for b in spec.soft)
+        low = low if lo is None else max(low, lo)
+        return low, high if hi is None else min(high, hi)
 
     def _number(
-        self,
-        gui: viser.GuiApi,
-        label: str,
-        value: Any,
-        lo: Any,
-        hi: Any,
-        soft: Any,
-        help_text: str,
+        self, gui: viser.GuiApi, label: str, value: Any, lo: Any, hi: Any, help_text: str
     ) -> Any:
         whole = isinstance(value, int)
-        if soft is None or not soft[0] <= self.spec.value <= soft[1]:
+        soft = self._soft(lo, hi)
+        if soft is None or not soft[0] <= value <= soft[1]:
             kind = int if whole else float
             low, high = (None if b is None else kind(b) for b in (lo, hi))
             step = 1 if whole else None
             return gui.add_number(label, value, min=low, max=high, step=step, hint=help_text)
-        low, high = (v * self.scale for v in soft)
         if whole:
-            step = max(1, round(nice_step(low, high)) if high - low > 200 else 1)
-            return gui.add_slider(label, int(low), int(high), step, value, hint=help_text)
-        step = nice_step(low, high)
-        return gui.add_slider(label, float(low), float(high), step, value, hint=help_text)
+            return gui.add_slider(label, int(soft[0]), int(soft[1]), 1, value, hint=help_text)
+        step = nice_step(*soft)
+        return gui.add_slider(label, float(soft[0]), float(soft[1]), step, value, hint=help_text)
 
     def _tuple(
         self, gui: viser.GuiApi, label: str, value: Any, lo: Any, hi: Any, help_text: str
