@@ -260,7 +260,7 @@ class Metrics:
         mean_dof = float(dof.mean())
         lo, hi = chi2_band(round(mean_dof))
         value = float((frames[:, COUNTS.index("d2")] / dof).mean())
-        return _light("NIS", value, (lo / mean_dof, hi / mean_dof), "per DoF, no truth")
+        return _light("NIS", value, (lo / mean_dof, hi / mean_dof), "per DoF")
 
 
 def _light(what: str, value: float, band: tuple[float, float], of: str) -> Light:

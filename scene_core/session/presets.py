@@ -38,6 +38,8 @@ from scene_core.sources.simulated import Simulation
 from scene_core.sources.truth import TrueMount, TrueRobot
 from scene_core.sources.worlds import Field, Line, ThickCloister
 
+DEFAULT = "cloister"
+EXAMPLE_EDIT = "estimator.policies.selection.budget=6"
 ALL = 500
 """A number of features that stands for: as many as there are."""
 
@@ -282,11 +284,16 @@ def loadable() -> tuple[str, ...]:
     return tuple(p.name for p in PRESETS.values() if p.make)
 
 
-def build(name: str) -> Experiment:
-    """A scenario by name. Raises ParamError for an unknown one, or one that needs files."""
+def named(name: str) -> Preset:
+    """A scenario's entry; raises ParamError for an unknown one."""
     if name not in PRESETS:
         raise ParamError(f"no preset '{name}': choose one of {', '.join(PRESETS)}")
-    preset = PRESETS[name]
+    return PRESETS[name]
+
+
+def build(name: str) -> Experiment:
+    """A scenario by name. Raises ParamError for an unknown one, or one that needs files."""
+    preset = named(name)
     if preset.make is None:
         raise ParamError(f"preset '{name}' needs files: start with {preset.needs}")
     return preset.make()

@@ -9,19 +9,17 @@ import math
 import queue
 import sys
 import threading
-import traceback
 from collections.abc import Callable
 from time import monotonic
 from typing import Literal
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
-from scene_core.filter.gaussian import FilterError
-from scene_core.filter.ports import EndOfData, SourceError
+from scene_core.filter.ports import EndOfData
 from scene_core.params import ParamError
 from scene_core.session import presets
 from scene_core.session.commands import Command, LoadPreset, Seek, Select, SetSpeed, Transport
+from scene_core.session.failures import explain
 from scene_core.session.published import Failure, Published, RoleOptions
 from scene_core.session.roles import role_options
 from scene_core.session.session import Session
@@ -232,32 +230,7 @@ class Pace:
 
 
 def failure(error: Exception, frame: int) -> Failure:
-    """One sentence about why a frame could not be computed; the traceback only when a model from
-    outside this package raised."""
+    """What the page shows about a frame that could not be computed."""
+    text, details = explain(error)
     where = f"Frame {frame} was dropped, the run is paused at the last good one"
-    if isinstance(error, (SourceError, FilterError, ParamError)):
-        return Failure(f"{where}: {error}.")
-    user = user_file(error)
-    if user:
-        details = "".join(traceback.format_exception(error))
-        return Failure(f"{where}: {user} raised {type(error).__name__}: {error}.", details)
-    if isinstance(error, (np.linalg.LinAlgError, FloatingPointError, ZeroDivisionError)):
-        return Failure(
-            f"{where}: the numbers broke down ({error}); undo the last edit and redo the frame."
-        )
-    return Failure(
-        f"{where}: {type(error).__name__}: {error}; undo the last edit and redo the frame, or "
-        "reset."
-    )
-
-
-def user_file(error: Exception) -> str:
-    """The file outside this package and the libraries in which an error was raised, or nothing."""
-    package = str(presets.__file__).rsplit("session", 1)[0]
-    frames = traceback.extract_tb(error.__traceback__)
-    outside = [
-        f.filename
-        for f in frames
-        if not f.filename.startswith(package) and "site-packages" not in f.filename
-    ]
-    return outside[-1] if outside and "/lib/python" not in outside[-1] else ""
+    return Failure(f"{where}: {text}.", details)

@@ -74,7 +74,7 @@ def _write_fields(
         old = getattr(base, f.name, MISSING)
         if isinstance(value, Mapping) and not value:
             continue
-        if _is_rows(value):
+        if isinstance(value, tuple):
             _write_rows(table, f, value, old)
         elif isinstance(value, Mapping):
             table.add(f.name, _mapping(value, old, _value_hint(hints[f.name]), labels))

@@ -1,0 +1,298 @@
+"""The command line of the library: `scene run` and `scene presets`. `scene serve` is the page's.
+
+Input that does not fit ends with one sentence and exit code 2, a run that breaks off with 1.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from time import monotonic, perf_counter
+from typing import Annotated, Any, NoReturn
+
+import tyro
+from threadpoolctl import threadpool_limits
+
+from scene_core.filter.ports import EndOfData, SourceError
+from scene_core.params import ParamError, get
+from scene_core.session import presets, toml_io
+from scene_core.session.alignment import Alignment
+from scene_core.session.config import Experiment
+from scene_core.session.edits import set_param, with_seed
+from scene_core.session.failures import explain
+from scene_core.session.report import report, summary
+from scene_core.session.session import Session
+
+DEFAULT_FRAMES = 1000
+"""Length of a run whose source has no end, when --frames is not given."""
+
+
+@dataclass(frozen=True)
+class SourceOptions:
+    """Which experiment: a preset, a settings file, images, or a log."""
+
+    preset: str = ""
+    """Name of a scenario, see `scene presets`; room when nothing else is given."""
+    config: str = ""
+    """A settings file, as `scene presets NAME --toml` and the page's 'Save settings' write it."""
+    images: str = ""
+    """A folder of images or a video file; needs --calib."""
+    calib: str = ""
+    """The camera of --images: OpenCV's .yaml, SceneLib2's .cfg, or a .toml file."""
+    reference: str = ""
+    """True trajectory of --images: lines `frame x y z qx qy qz qw`."""
+    reference_time: bool = False
+    """The first column of --reference is a time in seconds, not a frame."""
+    align: Alignment | None = None
+    """Bring the estimate into the reference's axes before errors are taken."""
+    mrclam: str = ""
+    """Folder of a UTIAS MRCLAM data set."""
+    robot: int = 2
+    """Which robot of --mrclam, 1 to 5."""
+    seed: int | None = None
+    """Another seed: other noise, or other places where corners are looked for."""
+    set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    """Change a parameter, as path=value, e.g. estimator.policies.selection.budget=6. May be
+    repeated."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """Run an experiment without the page, as fast as possible."""
+
+    source: Annotated[SourceOptions, tyro.conf.OmitArgPrefixes] = field(
+        default_factory=SourceOptions
+    )
+    frames: int | None = None
+    """Stop after this many frames; else at the scenario's or the recording's end, or after 1000."""
+    json: str = ""
+    """Write the figures to this file, or to standard output with -."""
+    metrics_from: int = 0
+    """Leave the frames before this one out of errors, NEES and NIS."""
+
+
+@dataclass(frozen=True)
+class Presets:
+    """List the scenarios, or write one as a settings file."""
+
+    name: tyro.conf.Positional[str] = ""
+    """Which one; all when left out."""
+    toml: bool = False
+    """Write its settings, commented, to standard output."""
+    files: Annotated[SourceOptions, tyro.conf.OmitArgPrefixes] = field(
+        default_factory=SourceOptions
+    )
+
+
+def experiment_from(options: SourceOptions) -> Experiment:
+    """The experiment that the flags describe. Raises ParamError or SourceError."""
+    experiment = _chosen(options)
+    if options.align is not None:
+        experiment = replace(experiment, align=options.align)
+    if options.seed is not None:
+        if not 0 <= options.seed < 2**31:
+            raise ParamError(f"--seed {options.seed}: give a whole number from 0 to 2147483647")
+        experiment = with_seed(experiment, options.seed)
+    for edit in options.set:
+        experiment = _edited(experiment, edit)
+    return experiment
+
+
+def _chosen(options: SourceOptions) -> Experiment:
+    given = {
+        "--config": options.config,
+        "--images": options.images,
+        "--mrclam": options.mrclam,
+        "--preset": options.preset,
+    }
+    flags = [flag for flag, value in given.items() if value]
+    if flags[-1:] == ["--preset"] and f"--{options.preset}" in flags:
+        flags.remove("--preset")
+    if len(flags) > 1:
+        raise ParamError(f"{flags[0]} and {flags[1]} both choose the experiment: give one of them")
+    for flag in ("calib", "reference", "reference_time"):
+        if getattr(options, flag) and not options.images:
+            raise ParamError(f"--{flag.replace('_', '-')} goes with --images: give both")
+    if options.config:
+        return toml_io.load(options.config)
+    if options.images:
+        if not options.calib:
+            raise ParamError("--images needs the camera: add --calib FILE (.yaml, .cfg or .toml)")
+        return presets.images(
+            options.images,
+            options.calib,
+            options.reference,
+            options.reference_time,
+            options.align or "none",
+        )
+    if options.mrclam:
+        return presets.mrclam(options.mrclam, options.robot)
+    return presets.build(options.preset or presets.DEFAULT)
+
+
+def _edited(experiment: Experiment, edit: str) -> Experiment:
+    path, sign, text = edit.partition("=")
+    if not sign:
+        raise ParamError(f"--set {edit}: write path=value, e.g. {presets.EXAMPLE_EDIT}")
+    path, text = path.strip(), text.strip()
+    try:
+        return set_param(experiment, path, parsed(text, get(experiment, path)))
+    except ParamError as e:
+        raise ParamError(f"--set {edit}: {e}") from e
+
+
+def parsed(text: str, old: Any) -> Any:
+    """A value typed on the command line, read as the kind of value `old` is; text that is no such
+    value stays text, for the parameter's own check to refuse."""
+    if isinstance(old, bool):
+        return {"true": True, "false": False}.get(text.lower(), text)
+    if isinstance(old, tuple):
+        return [parsed(part.strip(), 0.0) for part in text.strip("()[]").split(",")]
+    if isinstance(old, (int, float)):
+        try:
+            return int(text) if isinstance(old, int) and "." not in text else float(text)
+        except ValueError:
+            return text
+    return text
+
+
+def run(options: Run) -> None:
+    """Run, then write or print the figures."""
+    experiment = experiment_from(options.source)
+    if options.frames is not None:
+        if options.frames < 1:
+            raise ParamError(f"--frames {options.frames}: give a whole number of at least 1")
+        experiment = replace(experiment, frames=options.frames)
+    elif experiment.frames is None and experiment.source.frame_count is None:
+        experiment = replace(experiment, frames=DEFAULT_FRAMES)
+    session = Session(experiment)
+    count = session.frame_count
+    if options.metrics_from < 0 or (count is not None and options.metrics_from >= count):
+        raise ParamError(
+            f"--metrics-from {options.metrics_from}: give a frame from 0 to {(count or 1) - 1}"
+        )
+    if options.json not in ("", "-") and not Path(options.json).parent.is_dir():
+        raise ParamError(f"--json {options.json}: there is no folder {Path(options.json).parent}")
+    seconds = _advance_to_the_end(session, count)
+    figures = report(session, seconds, options.metrics_from)
+    if not options.json:
+        print(summary(figures, session.metrics.totals()), flush=True)
+        return
+    text = json.dumps(figures, indent=2, allow_nan=False)
+    if options.json == "-":
+        print(text, flush=True)
+        return
+    try:
+        Path(options.json).write_text(text + "\n", encoding="utf-8")
+    except OSError as e:
+        raise ParamError(f"--json {options.json}: can not be written: {e.strerror}") from e
+
+
+class RunError(Exception):
+    """A run that broke off: the message is one sentence, `details` a traceback or nothing."""
+
+    def __init__(self, text: str, details: str) -> None:
+        super().__init__(text)
+        self.details = details
+
+
+def _advance_to_the_end(session: Session, count: int | None) -> float:
+    """Run until the data end; returns the seconds it took."""
+    bar = Progress(count)
+    start = perf_counter()
+    try:
+        while True:
+            session.advance()
+            bar.show(session)
+    except EndOfData:
+        return perf_counter() - start
+    except Exception as e:
+        # Whatever a model raises becomes a sentence that says which frame it was.
+        text, details = explain(e)
+        raise RunError(f"frame {session.frame + 1}: {text}", details) from e
+    finally:
+        bar.clear()
+
+
+class Progress:
+    """One line on a terminal; nothing elsewhere."""
+
+    WIDTH = 30
+
+    def __init__(self, count: int | None) -> None:
+        self._count = count
+        self._is_on = sys.stderr.isatty()
+        self._start = self._shown = monotonic()
+
+    def show(self, session: Session) -> None:
+        now = monotonic()
+        if not self._is_on or now - self._shown < 0.1:
+            return
+        self._shown = now
+        done = session.frame + 1
+        bar = ""
+        if self._count:
+            filled = math.floor(self.WIDTH * done / self._count)
+            bar = f"[{'#' * filled}{'.' * (self.WIDTH - filled)}] "
+        of = f" of {self._count}" if self._count else ""
+        rate, features = done / (now - self._start), len(session.world.features)
+        line = f"{bar}frame {done}{of}, {rate:.0f} frames/s, {features} features"
+        print(f"\r\x1b[K{line}", end="", file=sys.stderr, flush=True)
+
+    def clear(self) -> None:
+        if self._is_on:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+
+
+def list_presets(options: Presets) -> None:
+    """All scenarios with a sentence each, one of them, or its settings."""
+    if not options.name:
+        if options.toml:
+            raise ParamError("--toml writes one scenario: give its name, e.g. scene presets room")
+        for preset in presets.PRESETS.values():
+            needs = f" (needs {preset.needs})" if preset.needs else ""
+            print(f"{preset.name:<10}{preset.about}{needs}")
+        return
+    preset = presets.named(options.name)
+    if not options.toml:
+        print(f"{preset.name}: {preset.about}")
+        print(f"  scene run {preset.needs or f'--preset {preset.name}'}")
+        return
+    files = options.files
+    if not (files.images or files.mrclam):
+        files = replace(files, preset=options.name)
+    base = presets.build(options.name) if preset.make else None
+    print(toml_io.dumps(experiment_from(files), base), end="")
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """`scene run ...` or `scene presets ...`; leaves by SystemExit where something does not fit."""
+    commands = (
+        Annotated[Run, tyro.conf.subcommand("run")]
+        | Annotated[Presets, tyro.conf.subcommand("presets")]
+    )
+    options = tyro.cli(commands, args=args, prog="scene")  # type: ignore[arg-type]
+    threadpool_limits(1)
+    try:
+        run(options) if isinstance(options, Run) else list_presets(options)
+        sys.stdout.flush()
+    except (ParamError, SourceError) as e:
+        _leave(f"scene: {e}", 2)
+    except RunError as e:
+        _leave(f"{e.details}scene: {e}", 1)
+    except KeyboardInterrupt:
+        _leave("scene: interrupted", 130)
+    except BrokenPipeError:
+        # Whoever read our output has gone (`| head`): nothing is left to say to anybody.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise SystemExit(1) from None
+
+
+def _leave(text: str, code: int) -> NoReturn:
+    print(text, file=sys.stderr)
+    raise SystemExit(code)
