@@ -102,9 +102,9 @@ def head_html(p: Published, page: Page) -> str:
         text = escape(p.message)
         message = f'<div class="d two" title="{text}" style="margin-top:2px">{text}</div>'
     return style.block(
-        f'<div class="row" style="margin:2px 0 8px"><b style="font-size:14px">EKF-SLAM '
-        f'<span class="d" style="font-weight:400">&nbsp;preset</span> '
-        f"{escape(p.experiment.name)}</b>{light(p.light)}</div>"
+        '<div class="row" style="margin:2px 0 8px;white-space:nowrap">'
+        '<span style="font-size:14px"><span class="d">preset</span> '
+        f"<b>{escape(p.experiment.name)}</b></span>{light(p.light)}</div>"
         f"{_card(p)}{_last_event(p)}{message}{_banners(p, page)}",
         "padding-bottom:8px",
     )
@@ -126,5 +126,5 @@ class Head:
     def render(self, p: Published) -> None:
         look = self.page.look
         self.sheet.content = style.STYLE_SHEET + (style.LARGE_TYPE if look.large else "")
-        self.legend.content = legend_html(look)
+        self.legend.content = legend_html(look, p.experiment.estimator.policies.landmark.space.d)
         self.html.content = head_html(p, self.page)

@@ -28,12 +28,12 @@ setInterval(place,300);place()}d.innerHTML=m.innerHTML})()"""
 """Copies the legend over the middle of the 3-D canvas, wherever the panels leave it."""
 
 
-def confidence_words(look: Look) -> str:
+def confidence_words(look: Look, d: int) -> str:
     """95 % in 3-D = 2.80 sigma."""
-    return f"{100 * look.confidence:g} % in 3-D = {sigma(3, look.confidence):.2f} sigma"
+    return f"{100 * look.confidence:g} % in {d}-D = {sigma(d, look.confidence):.2f} sigma"
 
 
-def legend_html(look: Look) -> str:
+def legend_html(look: Look, d: int) -> str:
     """The legend of the map, and the script that puts it there."""
     if look.colour == "correlation":
         items = (
@@ -46,7 +46,7 @@ def legend_html(look: Look) -> str:
         items = MAP_LEGEND
     inner = (
         '<div class="e" style="text-align:center"><div class="maplegend">'
-        f'{legend(items)}<span class="lg">ellipsoids {confidence_words(look)}</span></div></div>'
+        f'{legend(items)}<span class="lg">ellipsoids {confidence_words(look, d)}</span></div></div>'
     )
     script = style.escape(PLACE_LEGEND)
     return (

@@ -43,7 +43,7 @@ class ViewPanel:
     def __init__(self, page: Page) -> None:
         self.page = page
         self.group = Group()
-        self.drawn: Look | None = None
+        self.drawn: tuple[Look, int] | None = None
 
     def build(self, server: viser.ViserServer, post: Post) -> None:
         gui = server.gui
@@ -84,20 +84,21 @@ class ViewPanel:
 
     def render(self, p: Published) -> None:
         look = self.page.look
-        if look is self.drawn:
+        d = p.experiment.estimator.policies.landmark.space.d
+        if (look, d) == self.drawn:
             return
         for field, bound in self.layers.items():
             bound.show(getattr(look, field))
         self.dark.show(look.dark)
         self.confidence.show(round(100 * look.confidence))
-        gate = chi2_gate(3, look.confidence)
-        words = f"{confidence_words(look)} (d2 &lt; {gate:.2f})."
+        gate = chi2_gate(d, look.confidence)
+        words = f"{confidence_words(look, d)} (d2 &lt; {gate:.2f})."
         self.words.content = style.block(f'<span class="d">{words}</span>', "padding:0 10px 6px")
-        if self.drawn is None or self.drawn.dark != look.dark:
+        if self.drawn is None or self.drawn[0].dark != look.dark:
             self.gui.configure_theme(
                 dark_mode=look.dark,
                 show_logo=False,
                 show_share_button=False,
                 brand_color=style.C["nomatch"],
             )
-        self.drawn = look
+        self.drawn = (look, d)
