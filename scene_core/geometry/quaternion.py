@@ -9,6 +9,7 @@ kinematics for the error-state Kalman filter*, sections 1-4.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -120,29 +121,38 @@ def normalise(q: Vec) -> tuple[Vec, Mat]:
     return unit, (np.eye(4) - unit[..., :, None] * unit[..., None, :]) / length[..., None]
 
 
+def _sine_terms(a2: float) -> tuple[float, float, float]:
+    """cos(a/2), S = sin(a/2)/a and (dS/da)/a from a^2; near zero by their Taylor series."""
+    if a2 < 1e-3:
+        return (
+            1.0 - a2 / 8 + a2**2 / 384 - a2**3 / 46080,
+            0.5 - a2 / 48 + a2**2 / 3840 - a2**3 / 645120,
+            -1 / 24 + a2 / 960 - a2**2 / 107520 + a2**3 / 23224320,
+        )
+    a = math.sqrt(a2)
+    cos, S = math.cos(a / 2), math.sin(a / 2) / a
+    return cos, S, (0.5 * cos - S) / a2
+
+
 def from_rotation_vector(theta: Vec) -> tuple[Vec, Mat]:
     """q = (cos a/2, theta sin(a/2)/a), a = |theta| [rad], and dq/dtheta (..., 4, 3).
 
     Finite everywhere: near a = 0 the coefficients are their Taylor series.
     """
     theta = np.asarray(theta, dtype=np.float64)
-    a2 = (theta * theta).sum(-1)
-    small = a2 < 1e-3
-    a = np.sqrt(np.where(small, 1.0, a2))
-    half_cos = np.where(small, 1.0 - a2 / 8 + a2**2 / 384 - a2**3 / 46080, np.cos(a / 2))
-    s = np.where(small, 0.5 - a2 / 48 + a2**2 / 3840 - a2**3 / 645120, np.sin(a / 2) / a)
-    ds = np.where(  # (ds/da) / a
-        small,
-        -1 / 24 + a2 / 960 - a2**2 / 107520 + a2**3 / 23224320,
-        (0.5 * half_cos - s) / (a * a),
-    )
+    a2 = np.vecdot(theta, theta)
+    if theta.ndim == 1:
+        cos, S, dS = _sine_terms(float(a2))
+    else:
+        terms = np.array([_sine_terms(x) for x in a2.ravel().tolist()]).reshape(*a2.shape, 3)
+        cos, S, dS = terms[..., 0], terms[..., 1, None], terms[..., 2, None, None]
     q = np.empty((*theta.shape[:-1], 4))
-    q[..., 0] = half_cos
-    q[..., 1:] = s[..., None] * theta
+    q[..., 0] = cos
+    q[..., 1:] = S * theta
     J = np.empty((*theta.shape[:-1], 4, 3))
     J[..., 0, :] = -0.5 * q[..., 1:]
-    J[..., 1:, :] = ds[..., None, None] * (theta[..., :, None] * theta[..., None, :])
-    J[..., (1, 2, 3), (0, 1, 2)] += s[..., None]
+    J[..., 1:, :] = dS * (theta[..., :, None] * theta[..., None, :])
+    J[..., (1, 2, 3), (0, 1, 2)] += S
     return q, J
 
 

@@ -7,6 +7,7 @@ with its mount rotated by pi about z.
 from __future__ import annotations
 
 import dataclasses
+import math
 from abc import abstractmethod
 from dataclasses import dataclass
 from typing import NamedTuple, Self
@@ -89,10 +90,10 @@ class Camera(Sensor):
     def unimage(self, h: Vec, k: Vec) -> Lens:
         """p (..., 2) seen at pixels h (..., 2)."""
 
-    def in_domain(self, p: Vec) -> np.ndarray:
-        """Where (...,) the lens maps one to one; a point beyond is not seen though its h may lie
-        inside the image."""
-        return np.ones(p.shape[:-1], dtype=bool)
+    def in_domain(self, X: Vec) -> np.ndarray | bool:
+        """Where points X (..., 4) with z > 0 lie on the part of the lens that maps one to one; one
+        beyond is not seen though its h may lie inside the image. True: everywhere."""
+        return True
 
     def project(self, X: Vec, k: Vec) -> Projection:
         p, iz = _plane(X)
@@ -106,7 +107,7 @@ class Camera(Sensor):
     def backproject(self, z: Vec, n: Vec, k: Vec) -> Backprojection:
         """Unit ray m = (p, 1) / |(p, 1)| and w = n, n (..., 1) the inverse distance [1/m]."""
         lens = self.unimage(z, k)
-        length = np.sqrt(1.0 + (lens.p * lens.p).sum(-1))[..., None]
+        length = np.sqrt(1.0 + np.vecdot(lens.p, lens.p))[..., None]
         X = np.empty((*lens.p.shape[:-1], 4))
         X[..., :2] = lens.p / length
         X[..., 2] = 1.0 / length[..., 0]
@@ -134,23 +135,25 @@ class Camera(Sensor):
         Source: Davison, Reid, Molton, Stasse, *MonoSLAM*, PAMI 2007, section 3.5.
         """
         behind = X[..., 2] <= 0.0
-        u, v = h[..., 0], h[..., 1]
-        outside = (u < self.border) | (u > self.width - self.border)
-        outside |= (v < self.border) | (v > self.height - self.border)
-        outside |= ~self.in_domain(_plane(X)[0])
-        fault = np.where(behind, int(Fault.BEHIND), np.where(outside, int(Fault.OUTSIDE), 0))
+        low = (self.border, self.border)
+        high = (self.width - self.border, self.height - self.border)
+        outside = ((h < low) | (h > high)).any(-1)
+        domain = self.in_domain(X)
+        if domain is not True:
+            outside = outside | ~np.asarray(domain)
+        fault = np.where(behind, int(Fault.BEHIND), outside * int(Fault.OUTSIDE))
         if not (self.max_scale or self.max_angle):
             return fault
         # m - w t is the ray from t to the point, whether w is zero or not.
         w = y_X[..., 3:]
         now, first = y_X[..., :3] - w * xws[..., :3], y_X[..., :3] - w * pose0[..., :3]
-        d2, d02 = (now * now).sum(-1), (first * first).sum(-1)
+        d2, d02 = np.vecdot(now, now), np.vecdot(first, first)
         if self.max_scale:
             limit2 = self.max_scale**2
-            fault = fault | np.where((d2 > limit2 * d02) | (d02 > limit2 * d2), Fault.SCALE, 0)
+            fault = fault | ((d2 > limit2 * d02) | (d02 > limit2 * d2)) * int(Fault.SCALE)
         if self.max_angle:
-            cos_limit = np.cos(self.max_angle) * np.sqrt(d2 * d02)
-            fault = fault | np.where((now * first).sum(-1) < cos_limit, Fault.ANGLE, 0)
+            cos_limit = math.cos(self.max_angle) * np.sqrt(d2 * d02)
+            fault = fault | (np.vecdot(now, first) < cos_limit) * int(Fault.ANGLE)
         return fault
 
     def _with_centre(self, k: Vec) -> Self:
@@ -164,8 +167,10 @@ def _plane(X: Vec) -> tuple[Vec, Vec]:
     Such points are not visible; they only must not spoil the others in the batch.
     """
     z = X[..., 2]
-    floor = 1e-9 * (1.0 + np.abs(X[..., :2]).sum(-1))
-    iz = 1.0 / np.where(np.abs(z) < floor, np.copysign(floor, z), z)
+    if z.min(initial=1.0) < 1e-6:
+        floor = 1e-9 * (1.0 + np.abs(X[..., :2]).sum(-1))
+        z = np.where(np.abs(z) < floor, np.copysign(floor, z), z)
+    iz = 1.0 / z
     return X[..., :2] * iz[..., None], iz
 
 

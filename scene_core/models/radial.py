@@ -13,6 +13,9 @@ import numpy as np
 
 from scene_core.arrays import Mat, Vec
 
+_EYE = np.eye(2)
+_ONE = np.ones(())
+
 
 class Scaled(NamedTuple):
     """Points (..., 2), Jacobians by the argument (..., 2, 2) and coefficients (..., 2, nd)."""
@@ -31,23 +34,30 @@ def _fold(d: tuple[float, ...]) -> float:
     return float(np.sqrt(real.min())) if len(real) else np.inf
 
 
-def fold_radius(d: Vec) -> float:
+def fold_radius(d: Vec | tuple[float, ...]) -> float:
     """The radius up to which the distortion is one to one; inf when it is everywhere."""
-    return _fold(tuple(np.asarray(d, dtype=np.float64).tolist()))
+    return _fold(d if isinstance(d, tuple) else tuple(d.tolist()))
 
 
 def _factor(s: Vec, d: Vec) -> tuple[Vec, Vec]:
     """L = 1 + d1 s + d2 s^2 + ... and dL/ds, by Horner's rule."""
-    L, dL = np.zeros_like(s), np.zeros_like(s)
-    for di in d[::-1]:
-        dL = L + s * dL
-        L = di + s * L
-    return 1.0 + s * L, L + s * dL
+    coefficients = d.tolist()
+    n = len(coefficients)
+    L, dL = coefficients[-1] * s, n * coefficients[-1] + 0.0 * s
+    for i in range(n - 1, 0, -1):
+        L = (L + coefficients[i - 1]) * s
+        dL = dL * s + i * coefficients[i - 1]
+    return L + 1.0, dL
 
 
 def _powers(s: Vec, count: int) -> Vec:
     """(s, s^2, ...) (..., count)."""
-    return s[..., None] ** np.arange(1, count + 1)
+    out = np.empty((*s.shape, count))
+    power = s
+    for i in range(count):
+        out[..., i] = power
+        power = power * s
+    return out
 
 
 def distort(p: Vec, d: Vec) -> Scaled:
@@ -55,9 +65,11 @@ def distort(p: Vec, d: Vec) -> Scaled:
 
     Outside `fold_radius` the polynomial bends back; the caller marks such points as not visible.
     """
-    s = (p * p).sum(-1)
+    if not len(d):
+        return Scaled(p, _EYE, np.zeros((*p.shape, 0)))
+    s = np.vecdot(p, p)
     L, dL = _factor(s, d)
-    by_p = (2.0 * dL)[..., None, None] * (p[..., :, None] * p[..., None, :])
+    by_p = (2.0 * dL[..., None] * p)[..., :, None] * p[..., None, :]
     by_p[..., 0, 0] += L
     by_p[..., 1, 1] += L
     return Scaled(L[..., None] * p, by_p, p[..., :, None] * _powers(s, len(d))[..., None, :])
@@ -69,14 +81,16 @@ def undistort(p_out: Vec, d: Vec) -> Scaled:
     With A = dp_out/dp: dp/dp_out = A^-1 and dp/dd_i = -A^-1 p |p|^(2i). A p_out farther out than
     the fold's image has no origin: it gets the fold's own, in its direction.
     """
-    r_out = np.sqrt((p_out * p_out).sum(-1))
+    if not len(d):
+        return Scaled(p_out, _EYE, np.zeros((*p_out.shape, 0)))
+    r_out = np.sqrt(np.vecdot(p_out, p_out))
     r, reached = _inverse_radius(r_out, d)
     s = r * r
     L, dL = _factor(s, d)
     p = p_out * (reached / L)[..., None]
     # A = L I + 2 L' p p', inverted by the Sherman-Morrison formula.
     slope = (2.0 * dL / (L + 2.0 * dL * s))[..., None, None]
-    by_p = (np.eye(2) - slope * (p[..., :, None] * p[..., None, :])) / L[..., None, None]
+    by_p = (_EYE - slope * (p[..., :, None] * p[..., None, :])) / L[..., None, None]
     by_d = -(by_p @ p[..., None]) * _powers(s, len(d))[..., None, :]
     return Scaled(p, by_p, by_d)
 
@@ -84,20 +98,23 @@ def undistort(p_out: Vec, d: Vec) -> Scaled:
 def _inverse_radius(r_out: Vec, d: Vec) -> tuple[Vec, Vec]:
     """r with r L(r^2) = r_out, and the fraction of r_out that the lens reaches (1 but beyond the
     fold)."""
-    if not len(d):
-        return r_out, np.ones_like(r_out)
     fold = fold_radius(d)
     # Just short of the fold the slope is still positive, which keeps the Jacobian finite.
     limit = 0.999 * fold
     most = limit * float(_factor(np.array(limit**2), d)[0]) if np.isfinite(fold) else np.inf
     target = np.minimum(r_out, most)
     r = np.minimum(target, limit)
-    for _ in range(6):
-        r = np.clip(r - _newton_step(r, target, d), 0.0, limit)
-    bad = np.abs(_newton_step(r, target, d)) > 1e-12 * (1.0 + r)
-    if bad.any():
+    for _ in range(8):
+        step = _newton_step(r, target, d)
+        r = np.minimum(np.maximum(r - step, 0.0), limit)
+        if np.abs(step).max(initial=0.0) < 1e-9:  # quadratic: the next step would be 1e-18
+            break
+    else:
+        bad = np.abs(_newton_step(r, target, d)) > 1e-12 * (1.0 + r)
         r = np.where(bad, _bisected(target, d, limit), r)
-    return r, np.where(r_out > most, target / np.where(r_out > 0.0, r_out, 1.0), 1.0)
+    if np.isinf(most):
+        return r, _ONE
+    return r, target / np.where(target > 0.0, r_out, 1.0) + (target <= 0.0)
 
 
 def _newton_step(r: Vec, target: Vec, d: Vec) -> Vec:

@@ -74,9 +74,10 @@ class Civera(Camera):
         by_k[..., 4:] = scale[:, None] * a.by_d
         return Lens(p, by_h, by_k)
 
-    def in_domain(self, p: Vec) -> np.ndarray:
-        fold = radial.fold_radius(np.array([self.k1, self.k2]))
-        if not np.isfinite(fold):
-            return super().in_domain(p)
-        a = p * self._mm * (self.f_u, self.f_v)
-        return (a * a).sum(-1) < (fold * (1.0 + self.k1 * fold**2 + self.k2 * fold**4)) ** 2
+    def in_domain(self, X: Vec) -> np.ndarray | bool:
+        fold = radial.fold_radius((self.k1, self.k2))
+        if fold == np.inf:
+            return True
+        a = X[..., :2] * (self.dx_mm * self.f_u, self.dy_mm * self.f_v)
+        most = fold * (1.0 + self.k1 * fold**2 + self.k2 * fold**4)
+        return np.vecdot(a, a) < (most * X[..., 2]) ** 2

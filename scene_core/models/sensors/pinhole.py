@@ -56,5 +56,8 @@ class Pinhole(Camera):
         by_k = np.concatenate([p.by_p @ flat.by_k, p.by_d], axis=-1)
         return Lens(p.p, p.by_p @ flat.by_p, by_k)
 
-    def in_domain(self, p: Vec) -> np.ndarray:
-        return (p * p).sum(-1) < radial.fold_radius(np.array(self.distortion)) ** 2
+    def in_domain(self, X: Vec) -> np.ndarray | bool:
+        fold = radial.fold_radius(self.distortion)
+        if fold == np.inf:
+            return True
+        return np.vecdot(X[..., :2], X[..., :2]) < (fold * X[..., 2]) ** 2

@@ -59,17 +59,19 @@ class WideAngle(Camera):
         by_k[..., 4] = -by_kd1 / k[2:4]
         return Lens(flat.p, flat.by_p @ by_hc, by_k)
 
-    def in_domain(self, p: Vec) -> np.ndarray:
-        g2 = ((p * (self.f_u, self.f_v)) ** 2).sum(-1)
-        return 1.0 + 2.0 * self.kd1 * g2 > 0.0
+    def in_domain(self, X: Vec) -> np.ndarray | bool:
+        if self.kd1 >= 0.0:
+            return True
+        g = X[..., :2] * (self.f_u, self.f_v)
+        return X[..., 2] ** 2 + 2.0 * self.kd1 * np.vecdot(g, g) > 0.0
 
     def R(self, h: Vec) -> Mat:
         if not self.sd_grows_to_corner:
             return super().R(h)
         c = np.array([self.u0, self.v0])
         offset = h - c
-        growth = 1.0 + np.sqrt((offset * offset).sum(-1) / (c @ c))
-        return (self.sd_px * growth)[..., None, None] ** 2 * np.eye(2)
+        growth = 1.0 + np.sqrt(np.vecdot(offset, offset) / (c @ c))
+        return ((self.sd_px * growth) ** 2)[..., None, None] * np.eye(2)
 
 
 def _bent(g: Vec, kd1: float) -> tuple[Vec, Mat, Vec]:
@@ -77,7 +79,7 @@ def _bent(g: Vec, kd1: float) -> tuple[Vec, Mat, Vec]:
 
     Where the root has no real value (no ray belongs to that pixel) it is taken at the edge.
     """
-    g2 = (g * g).sum(-1)
+    g2 = np.vecdot(g, g)
     a = np.maximum(1.0 + 2.0 * kd1 * g2, 1e-3)
     s = 1.0 / np.sqrt(a)
     s3 = s / a
