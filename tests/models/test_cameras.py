@@ -142,7 +142,7 @@ def test_undistort_inverts_distort_with_the_implicit_jacobian(d):
     for which, J in ((0, back.by_p), (1, back.by_d)):
         numeric = central_differences(lambda q, d: radial.undistort(q, d).p, (out, d), which)
         J = np.broadcast_to(J, numeric.shape)
-            np.testing.assert_allclose(J[inner], numeric[inner], rtol=1e-5, atol=1e-6)
+        np.testing.assert_allclose(J[inner], numeric[inner], rtol=1e-5, atol=1e-6)
 
 
 def test_noise_of_the_wide_angle_camera_doubles_at_the_corner():
