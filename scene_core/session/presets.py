@@ -21,6 +21,7 @@ from scene_core.models.motion.velocity_1d import Velocity1D
 from scene_core.models.sensors.distance_1d import Distance1D
 from scene_core.models.sensors.pinhole import Pinhole
 from scene_core.models.sensors.range_bearing import RangeBearing
+from scene_core.models.sensors.wide_angle import WideAngle
 from scene_core.params import ParamError
 from scene_core.session.alignment import Alignment
 from scene_core.session.config import (
@@ -33,12 +34,15 @@ from scene_core.session.config import (
 from scene_core.sources.calibration import Calibration, load_calibration
 from scene_core.sources.datasets import Mrclam
 from scene_core.sources.drivers import ConstantControls, Shuttle, Waypoints
+from scene_core.sources.handheld import HandHeld
 from scene_core.sources.images import ImageSequence
+from scene_core.sources.render import Rendering
+from scene_core.sources.room import TexturedRoom, poster_corners
 from scene_core.sources.simulated import Simulation
 from scene_core.sources.truth import TrueMount, TrueRobot
 from scene_core.sources.worlds import Field, Line, ThickCloister
 
-DEFAULT = "cloister"
+DEFAULT = "room"
 EXAMPLE_EDIT = "estimator.policies.selection.budget=6"
 ALL = 500
 """A number of features that stands for: as many as there are."""
@@ -54,6 +58,55 @@ class Preset:
     """None: it needs files."""
     needs: str = ""
     """The flags that name the files."""
+
+
+def room() -> Experiment:
+    """A camera carried through a rendered room, started from the four corners of a poster."""
+    camera = WideAngle(
+        width=320,
+        height=240,
+        u0=160.0,
+        v0=120.0,
+        f_u=195.0,
+        f_v=195.0,
+        kd1=6e-6,
+        sd_px=0.5,
+        sd_grows_to_corner=False,
+        border=12.0,
+    )
+    hand, dt = HandHeld(), 1.0 / 30.0
+    motion = Impulse(sd_accel=hand.sd_accel, sd_ang_accel=hand.sd_ang_accel)
+    # The truth starts around what the estimator believes, as far off as the estimator says.
+    start, start_sd = hand.start(motion, dt), HAND_START_SD
+    own_axes = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+    policies = Policies(
+        landmark=InverseDepth(rho_mean=0.5, rho_sd=0.4, pole="z"),
+        selection=Selection(budget=12),
+        association=Association("search"),
+        management=Management(keep_visible=14, max_new=2, max_new_first=8, max_features=150),
+    )
+    return Experiment(
+        name="room",
+        about=ABOUT["room"],
+        estimator=EstimatorSettings(
+            robots={"hand": RobotSettings(motion, start, start_sd)},
+            mounts={"camera": MountSettings(camera, "hand", own_axes)},
+            policies=policies,
+            known=tuple(
+                KnownFeature(tuple(float(x) for x in place), f"poster:{i}", 0.001)
+                for i, place in enumerate(poster_corners())
+            ),
+            up="z",
+        ),
+        source=Simulation(
+            world=TexturedRoom(),
+            robots={"hand": TrueRobot(motion, hand, start, start_sd)},
+            mounts={"camera": TrueMount(replace(camera, border=0.0), "hand", own_axes)},
+            rendering=Rendering(),
+            dt=dt,
+            up="z",
+        ),
+    )
 
 
 def cloister() -> Experiment:
@@ -197,6 +250,11 @@ def mrclam(path: str, robot: int = 2) -> Experiment:
     )
 
 
+HAND_START_SD: Mapping[str, float] = {
+    **{"x": 0.02, "y": 0.02, "z": 0.02, "rx": 0.01, "ry": 0.01, "rz": 0.01},
+    **{"vx": 0.1, "vy": 0.1, "vz": 0.1, "wx": 0.1, "wy": 0.1, "wz": 0.1},
+}
+"""m, rad, m/s and rad/s: how well a hand knows where it starts."""
 IMAGE_START_SD: Mapping[str, float] = {
     **{"vx": 0.2, "vy": 0.2, "vz": 0.2},
     **{"wx": 0.3, "wy": 0.3, "wz": 0.3},
@@ -255,6 +313,8 @@ def _with_settings(
 
 
 ABOUT: Mapping[str, str] = {
+    "room": "A camera in somebody's hand looks round a room and comes back to the poster it "
+    "started from: watch patches being searched in their ellipses.",
     "cloister": "The toolbox's robot drives a circle among 72 points: watch rays shrink to "
     "ellipsoids, and the error stay inside its bounds.",
     "line": "A cart on a line measures six landmarks: the smallest SLAM there is; watch the "
@@ -270,6 +330,7 @@ ABOUT: Mapping[str, str] = {
 PRESETS: Mapping[str, Preset] = {
     p.name: p
     for p in (
+        Preset("room", ABOUT["room"], room),
         Preset("cloister", ABOUT["cloister"], cloister),
         Preset("line", ABOUT["line"], line),
         Preset("nomad", ABOUT["nomad"], nomad),

@@ -51,7 +51,7 @@ def _errors_unknown() -> dict[str, Any]:
 def _errors(metrics: Metrics, track: RobotTrack, first: int) -> dict[str, Any]:
     rows = slice(max(0, first - metrics.first), len(metrics))
     xp, true_xp = track.xp.view(len(metrics))[rows], track.true_xp.view(len(metrics))[rows]
-    known = np.isfinite(true_xp).all(axis=1)
+    known = np.all(np.isfinite(true_xp), axis=1)
     fit = umeyama(track.space, xp, true_xp, metrics.align)
     if fit is None or not known.any():
         return _errors_unknown()
@@ -65,7 +65,7 @@ def _errors(metrics: Metrics, track: RobotTrack, first: int) -> dict[str, Any]:
     return {
         "pos_rmse_m": _rms(position),
         "ori_rmse_deg": None if turn is None else _number(math.degrees(_rms(turn) or 0.0)),
-        "pos_end_m": _number(position[-1]) if bool(known[-1:].all()) else None,
+        "pos_end_m": _number(position[-1]) if known[-1] else None,
         "nees_mean": _number(nees.mean()) if has_nees else None,
         "nees_dof": track.space.tangent if has_nees else None,
         "nees_band": list(chi2_band(track.space.tangent)) if has_nees else None,
