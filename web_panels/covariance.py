@@ -31,9 +31,11 @@ BLOCKS = 48
 """At most this many blocks of a large state are shown."""
 NAMES = 24
 """Beyond this many blocks only some of them are named."""
-SIDE = 760
-LEFT, TOP = 74, 46
-BAR = 74
+WIDTH, HEIGHT = 860, 640
+"""Of the picture: what the docked panel has room for, twice."""
+LEFT, TOP, SIDE = 62, 34, 596
+"""Where the square of the map lies in it."""
+GROUND = (18, 22, 29)
 LOW, ZERO, HIGH = (np.array(c, float) for c in ((64, 140, 255), (24, 29, 38), (255, 170, 60)))
 
 
@@ -92,6 +94,8 @@ class Table:
     names: tuple[tuple[str, int, int, int | None], ...]
     """Name, first row, number of rows, label."""
     what: str
+    signed: bool
+    """From -1 to 1, else from 0 to 1."""
 
 
 def table_of(world: World, selected: int | None) -> Table:
@@ -100,22 +104,25 @@ def table_of(world: World, selected: int | None) -> Table:
     n = world.gauss.layout.size
     if n <= ROWS:
         names = tuple((p.name, p.rows.start, p.rows.stop - p.rows.start, p.label) for p in parts)
-        return Table(correlation(world.gauss.P), names, f"all {n} rows")
+        return Table(correlation(world.gauss.P), names, f"{n} rows", signed=True)
     shown = parts[:BLOCKS]
     mine = next((p for p in parts[BLOCKS:] if p.label == selected and selected is not None), None)
     if mine is not None:
         shown = [*shown[:-1], mine]
     values = block_correlations(world.gauss.P, [p.rows for p in shown])
     names = tuple((p.name, i, 1, p.label) for i, p in enumerate(shown))
-    rest = f"first {len(shown)} of {len(parts)}" if len(parts) > len(shown) else f"{len(shown)}"
-    return Table(values, names, f"{rest} blocks, largest canonical correlation")
+    rest = f"{len(shown)} of {len(parts)}" if len(parts) > len(shown) else f"{len(shown)}"
+    return Table(values, names, f"canonical · {rest} blocks", signed=False)
 
 
 @cache
-def ramp() -> np.ndarray:
-    """Colours (256, 3) of -1 to 1; small correlations are told apart best."""
-    v = np.linspace(-1.0, 1.0, 256)[:, None]
-    strength = np.sqrt(np.abs(v))
+def ramp(signed: bool) -> np.ndarray:
+    """Colours (256, 3) of -1 to 1 or of 0 to 1.
+
+    Plain correlations are often small, canonical ones often near 1: each is spread where it is.
+    """
+    v = np.linspace(-1.0 if signed else 0.0, 1.0, 256)[:, None]
+    strength = np.sqrt(np.abs(v)) if signed else v**3
     end = np.where(v < 0, LOW, HIGH)
     return (ZERO + (end - ZERO) * strength).round().astype(np.uint8)
 
@@ -123,49 +130,72 @@ def ramp() -> np.ndarray:
 def picture(table: Table, selected: int | None) -> np.ndarray:
     """RGB heat map with names, block borders, a colour bar, and a frame about the selected one."""
     n = len(table.values)
-    size = SIDE - LEFT - BAR
-    edge = LEFT + np.round(np.arange(n + 1) * size / n).astype(int)
-    canvas = np.full((TOP + size + 6, SIDE, 3), (18, 22, 29), np.uint8)
-    index = np.round((table.values + 1.0) * 127.5).astype(np.uint8)
-    cells: np.ndarray = cv2.resize(index, (size, size), interpolation=cv2.INTER_NEAREST)
-    canvas[TOP : TOP + size, LEFT : LEFT + size] = ramp()[np.asarray(cells, dtype=np.intp)]
-    down = TOP - LEFT
+    edge = np.round(np.arange(n + 1) * SIDE / n).astype(int)
+    canvas = np.full((HEIGHT, WIDTH, 3), GROUND, np.uint8)
+    scaled = (table.values + 1.0) * 127.5 if table.signed else table.values * 255.0
+    index = np.round(scaled).astype(np.uint8)
+    cells: np.ndarray = cv2.resize(index, (SIDE, SIDE), interpolation=cv2.INTER_NEAREST)
+    colours = ramp(table.signed)[np.asarray(cells, dtype=np.intp)]
+    canvas[TOP : TOP + SIDE, LEFT : LEFT + SIDE] = colours
     every = max(1, -(-len(table.names) // NAMES))
     for k, (name, first, count, label) in enumerate(table.names):
         a, b = int(edge[first]), int(edge[first + count])
-        if count > 1 or n <= 40:
-            cv2.line(canvas, (LEFT, a + down), (LEFT + size, a + down), (58, 68, 84), 1)
-            cv2.line(canvas, (a, TOP), (a, TOP + size), (58, 68, 84), 1)
+        if table.signed:
+            _grid(canvas, a)
         chosen = label is not None and label == selected
-        if k % every and not chosen and label is not None:
-            continue
-        colour = C["white"] if chosen else C["estimate"] if label is None else C["ink"]
-        _name(canvas, name, (a + b) // 2, down, colour)
+        if chosen or label is None or k % every == 0:
+            colour = C["white"] if chosen else C["estimate"] if label is None else C["ink"]
+            _name(canvas, name, (a + b) // 2, colour, b - a)
     for _, first, count, label in table.names:
         if label is not None and label == selected:
             a, b = int(edge[first]), int(edge[first + count])
-            cv2.rectangle(canvas, (LEFT, a + down), (LEFT + size, b + down), C["white"], 2)
-            cv2.rectangle(canvas, (a, TOP), (b, TOP + size), C["white"], 2)
-    _bar(canvas, LEFT + size + 16, TOP, size)
+            corners = (
+                (LEFT, TOP + a),
+                (LEFT + SIDE, TOP + b),
+                (LEFT + a, TOP),
+                (LEFT + b, TOP + SIDE),
+            )
+            cv2.rectangle(canvas, *corners[:2], C["white"], 2)
+            cv2.rectangle(canvas, *corners[2:], C["white"], 2)
+    _key(canvas, table)
     return canvas
 
 
-def _name(canvas: np.ndarray, name: str, middle: int, down: int, colour: RGB) -> None:
+def _grid(canvas: np.ndarray, at: int) -> None:
+    colour = (58, 68, 84)
+    cv2.line(canvas, (LEFT, TOP + at), (LEFT + SIDE, TOP + at), colour, 1)
+    cv2.line(canvas, (LEFT + at, TOP), (LEFT + at, TOP + SIDE), colour, 1)
+
+
+def _text(canvas: np.ndarray, words: str, at: tuple[int, int], colour: RGB, scale: float) -> None:
+    cv2.putText(canvas, words, at, FONT, scale, colour, 1, cv2.LINE_AA)
+
+
+def _name(canvas: np.ndarray, name: str, middle: int, colour: RGB, room: int) -> None:
     text = name if len(name) <= 7 else name[:6] + "."
-    scale = 0.6 if len(text) < 4 else 0.46
+    scale = min(0.6 if len(text) < 4 else 0.42, max(0.42, room / 24.0))
     (w, h), _ = cv2.getTextSize(text, FONT, scale, 1)
-    at = (LEFT - 8 - w, middle + down + h // 2)
-    cv2.putText(canvas, text, at, FONT, scale, colour, 1, cv2.LINE_AA)
+    _text(canvas, text, (LEFT - 6 - w, TOP + middle + h // 2), colour, scale)
     if len(text) < 4:
-        at = (middle - w // 2, TOP - 10)
-        cv2.putText(canvas, text, at, FONT, scale, colour, 1, cv2.LINE_AA)
+        _text(canvas, text, (LEFT + middle - w // 2, TOP - 8), colour, scale)
 
 
-def _bar(canvas: np.ndarray, x: int, y: int, size: int) -> None:
-    column = np.linspace(255, 0, size).round().astype(np.uint8)
-    canvas[y : y + size, x : x + 14] = ramp()[column][:, None]
-    for text, at in (("+1", 12), ("0", size // 2 + 6), ("-1", size)):
-        cv2.putText(canvas, text, (x + 20, y + at), FONT, 0.55, C["dim"], 1, cv2.LINE_AA)
+def _key(canvas: np.ndarray, table: Table) -> None:
+    """The colour bar, and what the names mean."""
+    x, y, height = LEFT + SIDE + 26, TOP, 300
+    column = np.linspace(255, 0, height).round().astype(np.intp)
+    canvas[y : y + height, x : x + 18] = ramp(table.signed)[column][:, None]
+    ticks = ((1.0, 12), (0.0, height // 2 + 6), (-1.0, height))
+    for value, at in ticks if table.signed else ((1.0, 12), (0.5, height // 2 + 6), (0.0, height)):
+        _text(
+            canvas, f"{value:+g}" if table.signed else f"{value:g}", (x + 28, y + at), C["dim"], 0.6
+        )
+    named = {name for name, _, _, label in table.names if label is None}
+    rows = [(short, words) for short, words, _ in GROUPS if short in named]
+    for i, (short, words) in enumerate([*rows, ("7", "landmark")]):
+        at = y + height + 48 + 34 * i
+        _text(canvas, short, (x, at), C["estimate"] if i < len(rows) else C["ink"], 0.62)
+        _text(canvas, words, (x + 28, at), C["dim"], 0.56)
 
 
 def others_html(world: World, selected: int | None) -> str:
@@ -220,7 +250,7 @@ class Covariance:
 
     def build(self, server: viser.ViserServer, post: Post) -> None:
         self.head = server.gui.add_html(block("No state yet: press <kbd>Space</kbd>."))
-        blank = np.full((TOP + SIDE - LEFT - BAR + 6, SIDE, 3), (18, 22, 29), np.uint8)
+        blank = np.full((HEIGHT, WIDTH, 3), GROUND, np.uint8)
         self.image = server.gui.add_image(blank, format="jpeg", jpeg_quality=88)
         self.others = server.gui.add_html("")
 
@@ -235,12 +265,9 @@ class Covariance:
         table = table_of(world, p.selected)
         self.image.image = picture(table, p.selected)
         self.others.content = others_html(world, p.selected)
-        named = {name for name, _, _, label in table.names if label is None}
-        words = " · ".join(f"<b>{short}</b> {name}" for short, name, _ in GROUPS if short in named)
         head = block(
-            f'<div class="row"><b>Correlation of the state</b><span class="d">{table.what}</span>'
-            f'</div><div class="d" style="padding-bottom:4px">{words}'
-            f"{' · ' if words else ''}numbers: landmarks</div>"
+            '<div class="row" style="padding-bottom:4px;white-space:nowrap"><b>Correlation of the '
+            f'state</b><span class="d">{table.what}</span></div>'
         )
         if head != self.head.content:
             self.head.content = head

@@ -161,7 +161,7 @@ def paint(scene: Scene, chart: Chart, truth: bool) -> tuple[np.ndarray, list[Sha
     if truth:
         for s in shapes:
             if s.true is not None:
-                painter.cross(s.true, C["truth"], 6.5, 1.6, turned=True)
+                painter.cross(s.true, C["truth"], 5.5, 1.3, turned=True)
     _draw_ids(painter, shapes)
     return painter.canvas, shapes
 

@@ -65,8 +65,14 @@ class Plot:
         band: tuple[int, int, str] | None = None,
     ) -> None:
         """Draw curves over x; `band` fills between two of them (counted from 1)."""
+        if len(x) < 2:
+            self.hide()
+            return
         kind = (unit, tuple(c["label"] for c, _ in curves), band)
-        data = (x, *(np.ascontiguousarray(y, dtype=np.float64) for _, y in curves))
+        data = (
+            np.ascontiguousarray(x, dtype=np.float64),
+            *(np.ascontiguousarray(y, dtype=np.float64) for _, y in curves),
+        )
         h = self.handle
         with self.server.atomic():
             if kind != self.kind:
@@ -129,9 +135,9 @@ class Plots:
         if self.note.content:
             self.note.content = ""
         at = thinned(n)
-        x = np.ascontiguousarray(s.times[at], dtype=np.float64)
+        x = s.times[at]
         self._robot(s, at, x)
-        self._nis(s, at, x)
+        self._nis(s, at)
         self._ms(s, at, x)
         self.landmarks.show(
             f"Landmarks in the map: {s.landmarks[-1]:.0f}", "", x,
@@ -150,7 +156,8 @@ class Plots:
             self.nees.hide()
             return
         lo, hi = r.nees_band
-        one = np.ones(len(at))
+        at = at[np.isfinite(r.nees[at])]
+        x, one = s.times[at], np.ones(len(at))
         self.nees.show(
             f"NEES of {robot}'s pose, 95 % band {lo:.2f} to {hi:.2f} ({r.nees_dof} DoF)", "NEES", x,
             [
@@ -164,17 +171,21 @@ class Plots:
     def _error(self, r: RobotSeries, i: int, at: np.ndarray, x: Vec) -> None:
         factor, unit = shown(1.0, r.units[i])
         bound = 3.0 * r.sd[at, i] * factor
-        if unit == "m" and np.nanmax(bound) < 0.3:
+        if unit == "m" and float(np.nanmax(bound, initial=0.0)) < 0.3:
             bound, factor, unit = 1e3 * bound, 1e3, "mm"
         curves = [(curve("-3 sigma", BLUE), -bound), (curve("+3 sigma", BLUE), bound)]
         title = f"3-sigma bounds of {r.labels[i]}, {unit} over s (no truth, no error)"
         if r.error is not None:
+            known = np.isfinite(r.error[at, i])
+            at, x = at[known], x[known]
+            curves = [(c, y[known]) for c, y in curves]
             curves.append((curve("error", GREEN), factor * r.error[at, i]))
             title = f"Error of {r.labels[i]}, {unit}, with 3-sigma bounds, over s"
         self.error.show(title, unit, x, curves, (2, 1, BLUE_FILL))
 
-    def _nis(self, s: Series, at: np.ndarray, x: Vec) -> None:
-        band = np.asarray(s.nis_band)[at]
+    def _nis(self, s: Series, at: np.ndarray) -> None:
+        at = at[np.isfinite(s.nis[at])]
+        x, band = s.times[at], np.asarray(s.nis_band)[at]
         self.nis.show(
             "NIS per degree of freedom, 95 % band of the frame", "NIS", x,
             [

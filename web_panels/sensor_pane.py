@@ -33,6 +33,11 @@ LEGEND = (
     ("thin", "unselected", "not selected"),
     ("ray", "partial", "partial"),
 )
+LEGEND_STYLE = (
+    ".lgs{display:flex;justify-content:space-between;overflow:hidden}"
+    ".e .lgs .lg{margin-right:0;gap:3px;font-size:10.5px;letter-spacing:-.01em}"
+)
+"""All five in one line of the docked panel."""
 
 
 class SensorPane:
@@ -99,16 +104,13 @@ class SensorPane:
         rate = f"{p.experiment.source.frame_rate:.3g} Hz"
         facts = f"{self.about(sensor)} · {rate} · {regions(self.scene, p)}"
         if self.scene.frame != p.trace.frame.index:
-            facts += f" · last fired in frame {self.scene.frame}"
-        hint = (
-            "click: select · pause to start one"
-            if p.mode == "playing"
-            else "click: select, or start one"
-        )
+            facts += f" · from frame {self.scene.frame}"
+        hint = "click: select" if p.mode == "playing" else "click: select or start one"
         text = style.block(
-            f'<div class="row" style="padding-bottom:4px"><span class="d">{facts}</span>'
-            f'<span class="d" style="white-space:nowrap" title="Shift-click starts a feature even '
-            f'next to another one.">{hint}</span></div>'
+            f'<div class="row" style="padding-bottom:4px;white-space:nowrap"><span class="d" '
+            f'style="overflow:hidden;text-overflow:ellipsis">{facts}</span><span class="d" '
+            'title="A click on a feature selects it; paused, a click on an empty place starts a '
+            f'feature there, a shift-click even beside another one.">{hint}</span></div>'
         )
         if text != self.caption.content:
             self.caption.content = text
@@ -133,7 +135,7 @@ class SensorPane:
 def legend(scene: Scene) -> str:
     """What the colours and lines mean, with how many there are."""
     items = [(kind, key, f"{word} {scene.counts.get(key, 0)}") for kind, key, word in LEGEND]
-    return style.legend(items)
+    return f'<style>{LEGEND_STYLE}</style><div class="lgs">{style.legend(items)}</div>'
 
 
 def regions(scene: Scene, p: Published) -> str:
@@ -142,8 +144,7 @@ def regions(scene: Scene, p: Published) -> str:
     policies = p.trace.world.policies
     if policies.association.kind == "search":
         return f"ellipses {scene.half_width:.3g} sigma"
-    content = 100.0 * policies.gate.confidence
-    return f"regions {content:.4g} % = {scene.half_width:.3g} sigma"
+    return f"gates {100.0 * policies.gate.confidence:.3g} %"
 
 
 def limits_words(sensor: Sensor) -> str:
