@@ -1,9 +1,0 @@
-"""A fixed stream of random numbers for every test."""
-
-import numpy as np
-import pytest
-
-
-@pytest.fixture
-def rng() -> np.random.Generator:
-    return np.random.default_rng(7)
