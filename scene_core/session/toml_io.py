@@ -166,4 +166,4 @@ def plain(value: Any) -> Any:
 
 
 def _shown(value: Any) -> str:
-    return tomlkit.item(plain(value)).as_string()
+    return "not set" if value is None else tomlkit.item(plain(value)).as_string()
