@@ -58,6 +58,9 @@ GROUPS = (
 """Runs of labels of a robot's state that are named together."""
 
 
+RUNS = frozenset(short for short, _, _ in GROUPS)
+
+
 def parts_of(world: World) -> list[Part]:
     """The named rows of the state, robots first, as they lie in it."""
     out: list[Part] = []
@@ -86,6 +89,21 @@ def _robot_parts(labels: tuple[str, ...], start: int) -> list[Part]:
     return out
 
 
+def merged(parts: list[Part]) -> list[Part]:
+    """Single components that follow each other as one part."""
+    out: list[Part] = []
+    for p in parts:
+        last = out[-1] if out else None
+        single = p.label is None and p.rows.stop - p.rows.start == 1
+        if last is not None and single and last.label is None and last.rows.stop == p.rows.start:
+            if all(len(word) < 3 for word in last.name.split()) and last.name not in RUNS:
+                rows = slice(last.rows.start, p.rows.stop)
+                out[-1] = Part(f"{last.name} {p.name}", rows, None)
+                continue
+        out.append(p)
+    return out
+
+
 @dataclass(frozen=True)
 class Table:
     """What the picture shows: values in [-1, 1] and, for every name, its rows in them."""
@@ -105,6 +123,7 @@ def table_of(world: World, selected: int | None) -> Table:
     if n <= ROWS:
         names = tuple((p.name, p.rows.start, p.rows.stop - p.rows.start, p.label) for p in parts)
         return Table(correlation(world.gauss.P), names, f"{n} rows", signed=True)
+    parts = merged(parts)
     shown = parts[:BLOCKS]
     mine = next((p for p in parts[BLOCKS:] if p.label == selected and selected is not None), None)
     if mine is not None:

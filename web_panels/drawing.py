@@ -36,6 +36,8 @@ class Chart(Protocol):
 
     size: tuple[int, int]
     """Width and height of the canvas, px."""
+    magnification: float
+    """Canvas pixels per image pixel; 0 where there is no image."""
 
     def background(self, scene: Scene) -> np.ndarray:
         """A fresh RGB canvas with the raw measurements."""
@@ -64,6 +66,8 @@ class Shape:
     """(J, K, 2): none for a feature that was just started, several along an open ray."""
     match: Vec | None
     true: Vec | None
+    half: float
+    """Half the side of the square about the match, px: the size of the patch that was found."""
 
 
 class Painter:
@@ -115,8 +119,8 @@ class Painter:
             self.line(at - arm, at + arm, colour, width)
 
     def square(self, at: Vec, colour: RGB, size: float, width: float) -> None:
-        """The outline of a square with half side `size`."""
-        outer, inner = (size + width / 2) * self.u, (size - width / 2) * self.u
+        """The outline of a square with half side `size` px."""
+        outer, inner = size + width / 2 * self.u, size - width / 2 * self.u
         self.fill([at + outer * CORNERS, at + inner * CORNERS], colour)
 
     def text(self, words: str, at: tuple[int, int], colour: RGB, scale: float) -> None:
@@ -181,9 +185,11 @@ def shapes_of(scene: Scene, chart: Chart) -> list[Shape]:
     else:
         contours = np.zeros((0, 3, 2))
     matched = _placed(chart, [m.z for m in marks])
+    u = chart.size[0] / 640.0
+    half = [max(6.0 * u, chart.magnification * m.patch / 2) for m in marks]
     true = _placed(chart, [m.true_z for m in marks])
     return [
-        Shape(m, centres[i], contours[owner == i], matched.get(i), true.get(i))
+        Shape(m, centres[i], contours[owner == i], matched.get(i), true.get(i), half[i])
         for i, m in enumerate(marks)
     ]
 
@@ -213,8 +219,8 @@ def _draw(painter: Painter, s: Shape) -> None:
         painter.rings(s.contours, colour, width)
     if s.match is not None:
         painter.line(s.centre, s.match, colour, 1.6)
-        painter.square(s.match, colour, 6.0, 2.0)
-    painter.cross(s.centre, colour, 4.0, 1.4)
+        painter.square(s.match, colour, s.half, 1.8)
+    painter.cross(s.centre, C["partial"] if s.mark.partial else colour, 4.0, 1.4)
 
 
 def _draw_selected(painter: Painter, s: Shape) -> None:
@@ -268,10 +274,13 @@ class Occupancy:
         self.h, self.w = shape[0], shape[1]
         self.gap = 4.0 * u
         mask = np.zeros((self.h // self.GRID + 1, self.w // self.GRID + 1), np.uint8)
-        square = 9.0 * u * CORNERS
+        cross = 5.0 * u * CORNERS
         for s in shapes:
-            rim = [c for c in s.contours]
-            rim += [square + at for at in (s.centre, s.match, s.true) if at is not None]
+            rim = [*s.contours, s.centre + cross]
+            if s.match is not None:
+                rim.append(s.match + (s.half + 2.0 * u) * CORNERS)
+            if s.true is not None:
+                rim.append(s.true + cross)
             for region in rim:
                 points = [np.round(region * ((1 << SHIFT) / self.GRID)).astype(np.int32)]
                 cv2.fillPoly(mask, points, 1, cv2.LINE_8, SHIFT)
@@ -297,9 +306,9 @@ class Occupancy:
 
     def _candidates(self, s: Shape, w: int, h: int) -> Vec:
         """Upper left corners (n, 2): around the shape, touching the tangent of each direction."""
-        drawn = [s.contours.reshape(-1, 2), s.centre[None] + self.gap * 2 * CORNERS]
+        drawn = [s.contours.reshape(-1, 2), s.centre + self.gap * CORNERS]
         if s.match is not None:
-            drawn.append(s.match[None] + self.gap * 2 * CORNERS)
+            drawn.append(s.match + s.half * CORNERS)
         reach = ((np.concatenate(drawn) - s.centre) @ DIRECTIONS.T).max(0)
         half = np.abs(DIRECTIONS) @ np.array([w, h]) / 2
         near = [

@@ -50,6 +50,8 @@ class Mark:
     string: String | None = None
     true_z: Vec | None = None
     selected: bool = False
+    patch: int = 0
+    """Side of the image patch that recognises it, px; 0: none."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,12 @@ class Scene:
 def partially_initialised(feature: Feature) -> bool:
     """Its parametrisation can hold what a first measurement leaves open."""
     return bool(feature.model.unmeasured)
+
+
+def patch_side(feature: Feature) -> int:
+    """Side of the feature's image template, px; 0 when something else recognises it."""
+    template = getattr(feature.appearance, "template", None)
+    return len(template) if isinstance(template, np.ndarray) else 0
 
 
 def verdicts(trace: Trace, mount: str) -> Mapping[int, Association]:
@@ -161,6 +169,7 @@ def _mark(
         string=string_along_ray(world, p, i, feature) if partial and not fault else None,
         true_z=None if match is None else match.true_z,
         selected=label == selected,
+        patch=patch_side(feature),
     )
 
 
@@ -198,7 +207,16 @@ def string_along_ray(world: World, p: Predictions, i: int, feature: Feature) -> 
 def _born(trace: Trace, mount: str, selected: int | None) -> list[Mark]:
     """Features that this mount started in this frame, where it saw them."""
     return [
-        Mark(label, "partial", f.z0, None, z=f.z0, partial=True, selected=label == selected)
+        Mark(
+            label,
+            "partial",
+            f.z0,
+            None,
+            z=f.z0,
+            partial=True,
+            selected=label == selected,
+            patch=patch_side(f),
+        )
         for label, f in trace.world.features.items()
         if f.mount == mount and label not in trace.start.features and not f.known
     ]

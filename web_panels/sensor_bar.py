@@ -24,6 +24,7 @@ class BarChart:
     """Measurements (z,) on a horizontal ruler over the sensor's limits."""
 
     size: tuple[int, int] = SIZE
+    magnification = 0.0
 
     def __init__(self, limits: tuple[float, float], unit: str) -> None:
         self.lo, self.hi, self.unit = limits[0], limits[1], unit

@@ -21,12 +21,12 @@ DARKEN = (np.arange(256) * 0.82).astype(np.uint8)
 
 
 class ImageChart:
-    """Pixels (u, v) of an image of `width` x `height`, magnified by `zoom`."""
+    """Pixels (u, v) of an image of `width` x `height`, magnified by `magnification`."""
 
     def __init__(self, width: float, height: float) -> None:
         self.width, self.height = width, height
-        self.zoom = min(3.0, max(1.0, CANVAS_WIDTH / width))
-        self.size = (round(width * self.zoom), round(height * self.zoom))
+        self.magnification = min(3.0, max(1.0, CANVAS_WIDTH / width))
+        self.size = (round(width * self.magnification), round(height * self.magnification))
 
     def background(self, scene: Scene) -> np.ndarray:
         pixels = raw_pixels(scene.raw)
@@ -40,7 +40,7 @@ class ImageChart:
     def _points(self, canvas: np.ndarray, z: Vec) -> None:
         painter = Painter(canvas)
         w, h = self.size
-        step = 10.0 ** np.floor(np.log10(self.width / 2.0)) * self.zoom
+        step = 10.0 ** np.floor(np.log10(self.width / 2.0)) * self.magnification
         for x in np.arange(step, w, step):
             painter.line(np.array([x, 0.0]), np.array([x, h]), C["line"], 1.0)
         for y in np.arange(step, h, step):
@@ -49,13 +49,13 @@ class ImageChart:
 
     def place(self, z: Vec, lane: np.ndarray | None = None) -> Vec:
         # Pixel centres are at whole numbers; the first pixel covers -0.5 to 0.5.
-        return (z + 0.5) * self.zoom - 0.5
+        return (z + 0.5) * self.magnification - 0.5
 
     def outlines(self, h: Vec, S: Mat, half_width: float, lane: np.ndarray) -> Vec:
         return self.place(ellipse_points(h, S, half_width, 40))
 
     def measurement(self, xy: Vec) -> tuple[float, ...] | None:
-        u, v = (np.asarray(xy) + 0.5) / self.zoom - 0.5
+        u, v = (np.asarray(xy) + 0.5) / self.magnification - 0.5
         inside = 0 <= u <= self.width and 0 <= v <= self.height
         return (float(u), float(v)) if inside else None
 

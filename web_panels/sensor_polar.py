@@ -39,6 +39,7 @@ class PolarChart:
     """Range and bearing (r, b) about a robot; `reach` metres fit on the canvas."""
 
     size: tuple[int, int] = SIZE
+    magnification = 0.0
 
     def __init__(self, limits: tuple[tuple[float, float], ...], reach: float) -> None:
         self.limits, self.reach = limits, reach
