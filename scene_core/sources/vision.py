@@ -8,7 +8,7 @@ searched by normalised cross-correlation over the ellipse in which the filter ex
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -33,9 +33,22 @@ class Patch:
     """What recognises a landmark in an image: the template and its surroundings when first seen."""
 
     template: np.ndarray
-    """uint8 (n, n), n odd, read-only; its middle pixel is the landmark."""
+    """uint8 (n, n), n odd, read-only."""
     surround: np.ndarray
     """uint8 (m, m), m >= n odd, the same middle: what a warped template is cut from."""
+    offset: tuple[float, float] = (0.0, 0.0)
+    """The landmark relative to the middle pixel, in the first view."""
+    place: Vec | None = None
+    """The true place (3,) of the landmark, m, where a simulation took it: for counting wrong
+    matches, never for finding them."""
+
+    def offset_in(self, warp: Mat) -> tuple[float, float]:
+        """Where the landmark lies from the middle in another view, warp @ offset."""
+        du, dv = self.offset
+        if du == 0.0 and dv == 0.0:
+            return self.offset
+        (a, b), (c, d) = warp.tolist()
+        return a * du + b * dv, c * du + d * dv
 
     @cached_property
     def contrast(self) -> float:
@@ -44,11 +57,21 @@ class Patch:
 
 
 def patch_from(pixels: np.ndarray) -> Patch:
-    """A patch that is all there is, e.g. read from a file: uint8 (n, n), n odd."""
+    """A patch that is all there is, e.g. read from a file: uint8 (n, n), n odd.
+
+    It was cut out at whole pixels around something that lies between them: the landmark is the
+    corner nearest to the middle (cv2.cornerSubPix), or the middle when none is within 2 pixels.
+    """
     own = np.ascontiguousarray(pixels)
     own = own.copy() if own.flags.writeable else own
     own.flags.writeable = False
-    return Patch(own, own)
+    middle = len(own) // 2
+    if len(own) < 9 or own.std() < MIN_CONTRAST:
+        return Patch(own, own)
+    start = np.full((1, 1, 2), middle, dtype=np.float32)
+    until = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 50, 1e-4)
+    du, dv = (cv2.cornerSubPix(own, start, (2, 2), (-1, -1), until).ravel() - middle).tolist()
+    return Patch(own, own, (du, dv) if math.hypot(du, dv) < 2.0 else (0.0, 0.0))
 
 
 def extract(image: np.ndarray, z: Vec, vision: Vision) -> Detection | None:
@@ -89,7 +112,10 @@ def search_patches(image: np.ndarray, query: Query, vision: Vision) -> list[Matc
         elif region is None:
             found = _Found(why="its predicted place in the image is not a number")
         else:
-            found = _search(image, patch, query.warp[i], region, vision)
+            shift = patch.offset_in(query.warp[i]) if vision.warp else patch.offset
+            found = _search(image, patch, query.warp[i], region.moved(shift), vision)
+            if found.z is not None:
+                found.z += shift
         out.append(
             Match(
                 query.mount,
@@ -126,6 +152,12 @@ class _Region:
     b: float
     c: float
     gate: float
+
+    def moved(self, shift: tuple[float, float]) -> _Region:
+        """The places of a template's middle when the landmark lies `shift` away from it."""
+        if shift == (0.0, 0.0):
+            return self
+        return replace(self, u=self.u - shift[0], v=self.v - shift[1])
 
     def holds(self, u: float, v: float) -> bool:
         x, y = u - self.u, v - self.v
