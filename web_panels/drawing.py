@@ -296,8 +296,9 @@ class Occupancy:
         corners = corners[inside]
         free = corners[self._free(corners, w, h)]
         chosen = next((c for c in free if not self._meets_text(c, w, h)), None)
-        if chosen is None and must and len(corners):
-            chosen = corners[0]
+        if chosen is None and must:
+            beside = s.centre + self.gap
+            chosen = corners[0] if len(corners) else np.clip(beside, 3, (self.w, self.h) - size - 3)
         if chosen is None:
             return None
         x, y = float(chosen[0]), float(chosen[1])
