@@ -27,6 +27,7 @@ from scene_core.session.edits import set_param, with_seed
 from scene_core.session.failures import explain
 from scene_core.session.report import report, summary
 from scene_core.session.session import Session
+from scene_core.session.start import initial_world
 
 DEFAULT_FRAMES = 1000
 """Length of a run whose source has no end, when --frames is not given."""
@@ -119,7 +120,7 @@ def _chosen(options: SourceOptions) -> Experiment:
         if getattr(options, flag) and not options.images:
             raise ParamError(f"--{flag.replace('_', '-')} goes with --images: give both")
     if options.config:
-        return toml_io.load(options.config)
+        return _from_file(options.config)
     if options.images:
         if not options.calib:
             raise ParamError("--images needs the camera: add --calib FILE (.yaml, .cfg or .toml)")
@@ -133,6 +134,16 @@ def _chosen(options: SourceOptions) -> Experiment:
     if options.mrclam:
         return presets.mrclam(options.mrclam, options.robot)
     return presets.build(options.preset or presets.DEFAULT)
+
+
+def _from_file(path: str) -> Experiment:
+    """A settings file whose parts also fit together."""
+    experiment = toml_io.load(path)
+    try:
+        initial_world(experiment)
+    except ParamError as e:
+        raise ParamError(f"{path}: {e}") from e
+    return experiment
 
 
 def _edited(experiment: Experiment, edit: str) -> Experiment:

@@ -221,7 +221,7 @@ def nomad() -> Experiment:
 
 def mrclam(path: str, robot: int = 2) -> Experiment:
     """A log of the UTIAS MRCLAM data set, started at the true pose; noise from its description."""
-    source = Mrclam(path=path, robot_number=robot)
+    source = params.replace(Mrclam(path=path), "robot_number", robot)
     start = {s: float(x) for s, x in zip(TWO_D.labels, source.start_pose(), strict=True)}
     sensor = RangeBearing(sd_range=0.2, sd_bearing=0.08, reach_min=0.05, reach_max=12.0)
     policies = Policies(
