@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from scene_core.filter.ports import Image, Points
+from scene_core.filter.ports import Image, Points, Raw
 from scene_core.geometry.ellipses import ellipse_points
 from web_panels.drawing import Occupancy, Painter, hit, paint, shapes_of
 from web_panels.marks import Mark, Scene, String
@@ -17,7 +17,7 @@ CHART = ImageChart(320, 240)
 S = np.array([[30.0, 8.0], [8.0, 20.0]])
 
 
-def scene(*marks: Mark, raw=GREY) -> Scene:
+def scene(*marks: Mark, raw: Raw = GREY) -> Scene:
     return Scene("camera", 3, raw, marks, 3.0)
 
 
@@ -98,6 +98,7 @@ def test_ids_touch_neither_ellipses_nor_each_other():
     bare = Painter(outline)
     for s in shapes:
         bare.rings(s.contours, (255, 255, 255), 2.4)
+        assert s.match is not None
         bare.square(s.match, (255, 255, 255), s.half, 1.8)
     for x, y in placed:
         box = (slice(y - h, y), slice(x, x + w))
