@@ -8,7 +8,9 @@ without a word to the sender.
 
 from __future__ import annotations
 
+import contextlib
 import hmac
+import io
 import ipaddress
 import math
 import socket
@@ -221,7 +223,8 @@ def guarded_server(host: str, port: int, token: str | None) -> viser.ViserServer
         raise ValueError(f"host {host} can be reached from other machines: it needs a token")
     viser_hooks.guard_messages(sound, update_allowed, click_allowed)
     gate = Gate(allowed_names(host), token)
-    with viser_hooks.served_through(gate.wrap):
+    # viser prints a box with an address of its own, without the token.
+    with viser_hooks.served_through(gate.wrap), contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host=host, port=port, verbose=False)
     viser_hooks.refuse_tunnel(server)
     viser_hooks.self_test(server)

@@ -63,7 +63,8 @@ def _last_event(p: Published) -> str:
     if p.events:
         event = p.events[0]
         dot = HEX[style.EVENT_COLOUR[event.kind]]
-        text = f'<span style="color:{dot}">●</span> {escape(event.text)}'
+        words = escape(event.text)
+        text = f'<span style="color:{dot}">●</span> <span title="{words}">{words}</span>'
     else:
         text = '<span class="d">nothing yet</span>'
     return (
@@ -82,10 +83,10 @@ def _banners(p: Published, page: Page) -> str:
             f'<div class="bad" role="alert" style="margin-top:8px"><b>The run stopped.</b> '
             f"{escape(p.failure.text)}{details}</div>"
         )
-    for name, text in page.problems.items():
+    for text in page.problems.values():
         out += (
-            f'<div class="bad" style="margin-top:8px"><b>{escape(name)} could not be drawn.</b> '
-            f"{escape(text)}. The run goes on; press Reset run if it stays.</div>"
+            f'<div class="bad" style="margin-top:8px">{escape(text)}. '
+            "The run goes on; press Reset run if it stays.</div>"
         )
     if p.pending is not None:
         out += (

@@ -132,6 +132,8 @@ def main(args: list[str] | None = None) -> None:
         cli.main(words)
         return
     logging.basicConfig(format="%(levelname)s: %(message)s")
+    # A client that sends garbage loses its connection; that is nobody's traceback.
+    logging.getLogger("websockets").setLevel(logging.CRITICAL)
     rest = words[1:] if words[:1] == ["serve"] else words
     options = tyro.cli(Serve, args=rest, prog="scene serve", description=Serve.__doc__)
     try:

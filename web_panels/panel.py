@@ -78,7 +78,7 @@ class Page:
 
     look: Look = field(default_factory=Look)
     views: Views | None = None
-    problems: Mapping[str, str] = field(default_factory=dict)
+    problems: Mapping[int, str] = field(default_factory=dict)
     """Panels that could not be drawn, and why; the view loop keeps it, the head shows it."""
 
     def change(self, **fields: object) -> None:

@@ -12,6 +12,7 @@ import viser
 
 from scene_core.session.commands import Command
 from scene_core.session.published import Published
+from web_panels.head import Head
 from web_panels.layout import Layout
 from web_panels.panel import Look, Page, Panel
 
@@ -122,19 +123,26 @@ class ViewLoop:
 
     def _draw(self, turn: Turn, p: Published, look: Look) -> None:
         """Render one panel; what goes wrong in it is shown and does not stop the others."""
-        name = type(turn.panel).__name__
+        key, name = id(turn.panel), type(turn.panel).__name__
         turn.due = max(turn.due, time.monotonic() - 0.1) + 1.0 / turn.panel.rate_hz
         turn.seq, turn.look = p.seq, look
+        problems = self.page.problems
         try:
             turn.panel.render(p)
         except Exception as error:
             turn.due = time.monotonic() + BROKEN_S
             turn.seq = -1
-            if name not in self.page.problems:
+            if key not in problems:
                 log.exception("panel %s failed", name)
-            text = f"{type(error).__name__}: {error}"
-            self.page.problems = {**self.page.problems, name: text}
+            text = f"{name} could not be drawn. {type(error).__name__}: {error}"
+            self._report({**problems, key: text})
         else:
-            if name in self.page.problems:
-                rest = {k: v for k, v in self.page.problems.items() if k != name}
-                self.page.problems = rest
+            if key in problems:
+                self._report({k: v for k, v in problems.items() if k != key})
+
+    def _report(self, problems: dict[int, str]) -> None:
+        """Let the head show what could not be drawn, also while nothing else changes."""
+        self.page.problems = problems
+        for turn in self.turns.values():
+            if isinstance(turn.panel, Head):
+                turn.seq = -1

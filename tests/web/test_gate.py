@@ -354,7 +354,7 @@ def test_clicks_hit_what_is_there(
     [
         {"fov": math.nan},
         {"position": (1.0, 2.0)},
-        {"look_at": ("a", "b", "c")},
+        {"look_at": (math.nan, 0.0, 0.0)},
         {"wxyz": (math.inf, 0.0, 0.0, 0.0)},
     ],
 )

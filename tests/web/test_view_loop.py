@@ -1,0 +1,216 @@
+"""The view loop: builds once, the latest state wins, a broken panel does not stop the others."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+import viser
+
+from scene_core.session import commands
+from scene_core.session.published import Failure, Published
+from tests.web.fakes import FakeSession, published
+from tests.web.raw_client import RawClient, raw_client
+from tests.web.test_gate import free_port, wait
+from web_panels import gate
+from web_panels.head import head_html
+from web_panels.panel import Page
+from web_panels.view_loop import Turn, ViewLoop
+
+
+@dataclasses.dataclass
+class Site:
+    server: viser.ViserServer
+    session: FakeSession
+    view: ViewLoop
+
+
+@pytest.fixture(scope="module")
+def start() -> Published:
+    return published("line")
+
+
+@pytest.fixture(scope="module")
+def site(start: Published) -> Iterator[Site]:
+    server = gate.guarded_server("127.0.0.1", free_port(), None)
+    session = FakeSession(start)
+    view = ViewLoop(server, session)
+    view.start()
+    assert view.built.wait(20.0)
+    yield Site(server, session, view)
+    view.stop()
+    server.stop()
+
+
+class Counting:
+    """A panel that counts, and raises when told to."""
+
+    def __init__(self, rate_hz: float) -> None:
+        self.rate_hz = rate_hz
+        self.seen: list[int] = []
+        self.broken = ""
+
+    def build(self, server: viser.ViserServer, post: Any) -> None: ...
+
+    def render(self, p: Published) -> None:
+        if self.broken:
+            raise RuntimeError(self.broken)
+        self.seen.append(p.seq)
+
+
+def with_seq(p: Published, seq: int, **changes: Any) -> Published:
+    return dataclasses.replace(p, seq=seq, **changes)
+
+
+def test_nothing_failed_to_draw(site: Site) -> None:
+    assert site.view.page.problems == {}
+
+
+@pytest.fixture
+def counting(site: Site) -> Iterator[Counting]:
+    panel = Counting(20.0)
+    assert site.view.layout is not None
+    site.view.layout.fixed.append(panel)
+    yield panel
+    site.view.layout.fixed.remove(panel)
+    site.view.page.problems = {}
+
+
+def test_without_a_browser_nothing_is_drawn(
+    site: Site, counting: Counting, start: Published
+) -> None:
+    assert wait(lambda: not site.server.get_clients())
+    site.session.latest = with_seq(start, start.seq + 1)
+    time.sleep(0.2)
+    assert counting.seen == []
+    with raw_client(site.server):
+        assert wait(lambda: counting.seen == [start.seq + 1])
+
+
+def test_the_latest_state_wins_at_the_panels_own_rate(
+    site: Site, counting: Counting, start: Published
+) -> None:
+    with raw_client(site.server):
+        assert wait(lambda: len(site.server.get_clients()) > 0)
+        t0, seq = time.monotonic(), start.seq + 1000
+        while time.monotonic() - t0 < 1.0:
+            seq += 1
+            site.session.latest = with_seq(start, seq)
+            time.sleep(0.002)
+        assert wait(lambda: counting.seen[-1:] == [seq]), "the last state is always drawn"
+    assert 5 <= len(counting.seen) <= 26
+    assert counting.seen == sorted(set(counting.seen))
+
+
+def test_a_broken_panel_is_reported_and_the_others_go_on(
+    site: Site, counting: Counting, start: Published
+) -> None:
+    other = Counting(20.0)
+    assert site.view.layout is not None
+    site.view.layout.fixed.append(other)
+    counting.broken = "no <such> thing"
+    with raw_client(site.server) as client:
+        assert wait(lambda: len(site.server.get_clients()) > 0)
+        site.session.latest = with_seq(start, start.seq + 5000)
+        assert wait(lambda: "Counting" in str(site.view.page.problems))
+        assert wait(lambda: other.seen[-1:] == [start.seq + 5000])
+        client.until(lambda m: "no &lt;such&gt; thing" in str(m.get("updates")))
+        counting.broken = ""
+        assert wait(lambda: site.view.page.problems == {})
+    site.view.layout.fixed.remove(other)
+
+
+def test_a_changed_look_draws_everything_again(
+    site: Site, counting: Counting, start: Published
+) -> None:
+    with raw_client(site.server):
+        assert wait(lambda: len(counting.seen) > 0)
+        before = len(counting.seen)
+        site.view.page.change(confidence=0.5)
+        assert wait(lambda: len(counting.seen) == before + 1)
+
+
+def press(site: Site, client: RawClient, label: str) -> commands.Command:
+    site.session.posted.clear()
+    client.set(client.input(label)["uuid"], True)
+    assert wait(lambda: len(site.session.posted) == 1)
+    return site.session.posted[0]
+
+
+@pytest.mark.parametrize(
+    ("label", "action"),
+    [
+        ("Next frame [N]", "step frame"),
+        ("Next phase [P]", "step phase"),
+        ("Redo frame [R]", "redo"),
+        ("Reset run", "reset"),
+    ],
+)
+def test_buttons_post_their_command(site: Site, label: str, action: Any) -> None:
+    with raw_client(site.server) as client:
+        assert press(site, client, label) == commands.Transport(action)
+
+
+def test_hotkeys_post_their_command(site: Site) -> None:
+    with raw_client(site.server) as client:
+        command = client.until(
+            lambda m: m["type"] == "RegisterCommandMessage" and m["props"]["hotkey"] == "space"
+        )
+        site.session.posted.clear()
+        client.send("CommandTriggerMessage", uuid=command["uuid"])
+        assert wait(lambda: site.session.posted == [commands.Transport("toggle")])
+
+
+def test_parameters_and_models_post_their_command(site: Site, start: Published) -> None:
+    with raw_client(site.server) as client:
+        site.session.posted.clear()
+        client.set(client.input("Select, max")["uuid"], 7)
+        assert wait(lambda: len(site.session.posted) == 1)
+        path = "estimator.policies.selection.budget"
+        assert site.session.posted == [commands.SetParam(path, 7)]
+        site.session.posted.clear()
+        client.set(client.input("Update")["uuid"], "sequential")
+        role = "estimator.policies.update.kind"
+        assert wait(lambda: site.session.posted == [commands.SwapModel(role, "sequential")])
+
+
+def test_another_scenario_brings_its_own_sensors_and_inputs(site: Site, start: Published) -> None:
+    with raw_client(site.server) as client:
+        assert wait(lambda: len(site.server.get_clients()) > 0)
+        other = with_seq(published("nomad"), start.seq + 9000, run=start.run + 7)
+        site.session.latest = other
+        assert site.view.layout is not None
+        layout = site.view.layout
+        assert wait(lambda: set(layout.sensors) == set(other.experiment.estimator.mounts))
+        client.until(lambda m: "speed" in str(m.get("props", {}).get("label", "")).lower())
+        site.session.latest = with_seq(start, start.seq + 9001, run=start.run + 8)
+        assert wait(lambda: set(layout.sensors) == set(start.experiment.estimator.mounts))
+        time.sleep(0.3)
+        assert site.view.page.problems == {}
+
+
+def test_the_head_shows_failures_and_pending_edits_escaped(start: Published) -> None:
+    failed = dataclasses.replace(
+        start,
+        failure=Failure("<script>alert(1)</script>: give a smaller noise", "Traceback <x>"),
+        pending=start.experiment,
+        message="swap & keep",
+    )
+    text = head_html(failed, Page())
+    assert "&lt;script&gt;" in text and "<script>" not in text
+    assert "Traceback &lt;x&gt;" in text and "swap &amp; keep" in text
+    assert "from the next frame" in text
+    assert "from the next frame" not in head_html(start, Page())
+
+
+def test_a_turn_is_stale_until_drawn(start: Published) -> None:
+    page = Page()
+    turn = Turn(Counting(5.0))
+    assert turn.stale(start, page.look)
+    turn.seq, turn.look = start.seq, page.look
+    assert not turn.stale(start, page.look)
+    page.change(truth=False)
+    assert turn.stale(start, page.look)
