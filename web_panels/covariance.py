@@ -21,7 +21,7 @@ from scene_core.geometry.correlation import (
     largest_canonical_correlations,
 )
 from scene_core.session.published import Published
-from web_panels.drawing import FONT
+from web_panels.painter import FONT
 from web_panels.panel import Page, Post
 from web_panels.style import HEX, RGB, C, block, escape
 

@@ -66,16 +66,14 @@ def card_html(trace: Trace) -> str:
 
 
 def _steps(trace: Trace) -> str:
-    """All phases of one round, the last one done marked."""
-    now = trace.records[-1].phase
-    cells = ""
-    for k, (title, colour) in PHASES.items():
-        css = f"color:{colour};font-weight:700" if k == now else "color:var(--dim)"
-        cells += f'<span style="font-size:10px;{css}">{escape(title)}</span>'
-    return (
-        '<div style="display:flex;justify-content:space-between;flex-wrap:wrap;gap:0 6px;'
-        f'margin-bottom:3px">{cells}</div>'
+    """All phases as a row of bars, those of this round that are done in colour."""
+    now = list(PHASES).index(trace.records[-1].phase)
+    bars = "".join(
+        f'<span title="{escape(title)}" style="flex:1;height:4px;border-radius:2px;'
+        f'background:{colour};opacity:{1 if k == now else 0.45 if k < now else 0.12}"></span>'
+        for k, (title, colour) in enumerate(PHASES.values())
     )
+    return f'<div style="display:flex;gap:3px;margin-bottom:5px">{bars}</div>'
 
 
 def _equations(*lines: str) -> str:

@@ -6,8 +6,8 @@ import numpy as np
 
 from scene_core.arrays import Mat, Vec
 from scene_core.models.base import Sensor
-from web_panels.drawing import Painter
 from web_panels.marks import Scene, raw_points
+from web_panels.painter import Painter
 from web_panels.panel import Page
 from web_panels.sensor_pane import SensorPane, limits_words
 from web_panels.sensor_polar import nice_reach

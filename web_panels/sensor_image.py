@@ -8,8 +8,8 @@ import numpy as np
 from scene_core.arrays import Mat, Vec
 from scene_core.geometry.ellipses import ellipse_points
 from scene_core.models.base import Sensor
-from web_panels.drawing import Painter, dots
 from web_panels.marks import Scene, raw_pixels, raw_points
+from web_panels.painter import Painter, dots
 from web_panels.panel import Page
 from web_panels.sensor_pane import SensorPane
 from web_panels.style import C

@@ -228,8 +228,11 @@ def _missed(a: Association, match: Match | None, trace: Trace) -> str:
 
 
 def interesting(trace: Trace) -> int | None:
-    """The feature worth looking at: a rejected one, else one not found, else the largest d2."""
-    found = trace.associations()
+    """The feature worth looking at: a rejected one, else one not found, else the largest d2.
+
+    Before anything is judged: the one that was selected first, else any.
+    """
+    found = [a for mount in trace.frame.raw for a in verdicts(trace, mount).values()]
     for verdict in ("rejected", "no match"):
         hit = next((a.label for a in found if a.verdict == verdict), None)
         if hit is not None:
@@ -237,4 +240,7 @@ def interesting(trace: Trace) -> int | None:
     judged = [a for a in found if a.d2 is not None]
     if judged:
         return max(judged, key=lambda a: a.d2 or 0.0).label
+    order = [row for mount in trace.frame.raw for row in ranked(trace.predictions(mount))]
+    if order:
+        return max(order)[1]
     return next(iter(trace.world.features), None)

@@ -5,8 +5,10 @@ import pytest
 
 from scene_core.filter.ports import Image, Points, Raw
 from scene_core.geometry.ellipses import ellipse_points
-from web_panels.drawing import Occupancy, Painter, hit, paint, shapes_of
+from web_panels.drawing import hit, paint, shapes_of
+from web_panels.labels import Occupancy
 from web_panels.marks import Mark, Scene, String
+from web_panels.painter import Painter
 from web_panels.sensor_bar import BarChart
 from web_panels.sensor_image import ImageChart
 from web_panels.sensor_polar import PolarChart, nice_reach
@@ -60,7 +62,7 @@ def test_truth_is_drawn_only_when_it_is_to_be_shown():
     mark = Mark(7, "accepted", np.array([120.0, 100.0]), S, true_z=np.array([130.0, 110.0]))
     for truth in (True, False):
         picture, _ = paint(scene(mark), CHART, truth)
-        assert near(picture, CHART.place(np.array([130.0, 110.0])), "truth") is truth
+        assert near(picture, CHART.place(np.array([130.0, 110.0])), "truth", 6) is truth
 
 
 def test_the_selected_one_has_a_white_outline_and_its_id():

@@ -10,7 +10,8 @@ import pytest
 from scene_core.filter.records import Event
 from tests.web.traces import MOUNT, accepted, changed, cloister, judged, until
 from web_panels.events import events_html
-from web_panels.inspector import cut, gate_bar, inspector_html
+from web_panels.inspector import cut, inspector_html
+from web_panels.inspector_maths import gate_bar
 from web_panels.mathml import formula, matrix, numbers, signed, symbol
 from web_panels.phase_card import card_html
 from web_panels.style import PHASES

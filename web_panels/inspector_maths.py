@@ -1,0 +1,144 @@
+"""The inspector's formulas: d2 against its gate, the blocks of H, the state of the feature."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scene_core.filter.records import Association, Predictions
+from scene_core.filter.world import Feature, World
+from scene_core.models.base import Sensor
+from web_panels import mathml as mm
+from web_panels.story import Story
+from web_panels.style import HEX, escape, gate_words, number, shown
+
+
+def _spec(a: np.ndarray) -> str:
+    """Enough places for the larger numbers of a matrix."""
+    top = float(np.abs(a).max(initial=0.0))
+    return ".1f" if top >= 10 else ".2f" if top >= 1 else ".4f" if top >= 1e-2 else ".1e"
+
+
+def equation(a: Association | None, told: Story, sensor: Sensor) -> str:
+    """d2 = nu' S^-1 nu with its numbers, and the bar against the gate."""
+    if a is None or a.nu is None or a.d2 is None or a.gate is None:
+        return ""
+    nu, S = mm.symbol("\N{GREEK SMALL LETTER NU}", bold=True), mm.symbol("S", bold=True)
+    angles = "rad" in sensor.units
+    equation = mm.formula(
+        mm.power(mm.symbol("d"), "<mn>2</mn>"),
+        mm.op("="),
+        mm.transposed(nu) + mm.inverse(S) + nu,
+        mm.op("="),
+        mm.transposed(mm.numbers(a.nu, _spec(a.nu))),
+        mm.inverse(mm.numbers(a.S, _spec(a.S))),
+        mm.numbers(a.nu, _spec(a.nu)),
+        mm.op("="),
+        mm.value(f"{a.d2:.1f}", HEX[told.state]),
+    )
+    units = '<div class="d" style="font-size:10px">angles in rad here</div>' if angles else ""
+    words = gate_words(a.d2, a.gate, a.dof, a.confidence)
+    first, _, rest = words.partition(" (")
+    return (
+        '<div class="card" style="margin-top:8px"><div style="text-align:center;padding:2px 0 4px;'
+        f'overflow-x:auto">{equation}{units}</div>{gate_bar(a.d2, a.gate, HEX[told.state])}'
+        f'<div style="text-align:center;margin-top:3px"><b>{first}</b> '
+        f'<span class="d">({rest}</span></div></div>'
+    )
+
+
+def gate_bar(d2: float, gate: float, colour: str) -> str:
+    """d2 on a scale from 0 past the gate."""
+    end = max(1.7 * gate, min(1.15 * d2, 4.0 * gate))
+    x, g = 420.0 * min(d2, end) / end, 420.0 * gate / end
+    anchor = "start" if x < 40 else "end" if x > 380 else "middle"
+    apart = abs(x - g) > 95
+    d2_text = (
+        f'<text x="{x:.0f}" y="30" text-anchor="{anchor}" fill="{colour}" font-weight="600">'
+        f"d2 = {d2:.1f}</text>"
+        if apart
+        else ""
+    )
+    zero = '<text x="0" y="30">0</text>' if x > 75 or not apart else ""
+    last = f'<text x="420" y="30" text-anchor="end">{end:.0f}</text>' if x < 340 else ""
+    return (
+        '<svg viewBox="0 0 420 34" width="100%" style="display:block;margin-top:4px">'
+        '<rect x="0" y="5" width="420" height="9" rx="2" fill="var(--rule)"/>'
+        f'<rect x="0" y="5" width="{g:.0f}" height="9" rx="2" fill="#40ce70" opacity=".3"/>'
+        f'<rect x="0" y="7.5" width="{max(x, 2):.0f}" height="4" fill="{colour}"/>'
+        f'<path d="M{g:.0f} 1V18" stroke="var(--ink)" stroke-width="1.5"/>'
+        f'<g font-size="10.5" fill="var(--dim)">{zero}{last}'
+        f'<text x="{g:.0f}" y="30" text-anchor="middle">gate {gate:.2f}</text>{d2_text}</g></svg>'
+    )
+
+
+def _columns(world: World, role: str, feature: Feature | None, sensor: Sensor) -> tuple[str, ...]:
+    """Names of the columns of one block of H."""
+    if role == "feature":
+        return feature.model.state_labels if feature is not None else ()
+    for robot in world.robots.values():
+        if role == robot.block:
+            return robot.motion.state_labels
+        if role == robot.calib_block:
+            return robot.motion.calib_labels
+    for mount in world.mounts.values():
+        if role == mount.calib_block:
+            return mount.sensor.calib_labels
+        if role == mount.pose_block:
+            return mount.sensor.space.labels
+    return ()
+
+
+def jacobian(world: World, p: Predictions, i: int, feature: Feature | None, sensor: Sensor) -> str:
+    """The blocks of H, without the columns that are zero."""
+    out = ""
+    for role, blocks in p.H.items():
+        H = np.atleast_2d(np.broadcast_to(blocks, (len(p.labels), *blocks.shape[-2:]))[i])
+        names = _columns(world, role, feature, sensor)
+        if len(names) != H.shape[1]:
+            names = tuple(str(k + 1) for k in range(H.shape[1]))
+        used = np.flatnonzero(np.abs(H).max(0) > 0.0)
+        title = f"feature:{feature.label}" if role == "feature" and feature else role
+        zero = [names[k] for k in range(H.shape[1]) if k not in used]
+        out += _block_table(title, sensor, H[:, used], [names[k] for k in used], zero)
+    return (
+        '<div class="row" style="margin-top:10px"><span class="h">Blocks of H</span>'
+        f'<span class="d">dh by dx, SI units</span></div>{out}'
+    )
+
+
+def _block_table(
+    title: str, sensor: Sensor, H: np.ndarray, names: list[str], zero: list[str]
+) -> str:
+    spec = _spec(H)
+    head = "".join(f"<th>{escape(n)}</th>" for n in names)
+    rows = "".join(
+        f'<tr><td class="d">{escape(label)}</td>'
+        + "".join(f"<td>{mm.signed(format(v, spec))}</td>" for v in row)
+        + "</tr>"
+        for label, row in zip(sensor.labels, H, strict=True)
+    )
+    rest = f'<span class="d">zero: {escape(" ".join(zero))}</span>' if zero else ""
+    return (
+        f'<div class="row" style="margin-top:3px"><span class="m">{escape(title)}</span>{rest}'
+        f'</div><div style="overflow-x:auto"><table class="m"><tr><th></th>{head}</tr>{rows}'
+        "</table></div>"
+    )
+
+
+def state_table(world: World, label: int) -> str:
+    """The feature's own state with its standard deviations."""
+    f = world.features[label]
+    y = world.gauss.mean(f.block)
+    sd = np.sqrt(np.maximum(np.diag(world.gauss.cov(f.block)), 0.0))
+    cells = ""
+    for name, v, s, unit in zip(f.model.state_labels, y, sd, f.model.state_units, strict=True):
+        value, u = shown(float(v), unit)
+        spread, _ = shown(float(s), unit)
+        cells += (
+            f"<tr><td><b>{escape(name)}</b></td><td>{number(value, 4)}</td>"
+            f'<td class="d">± {number(spread, 2)}</td><td class="d">{escape(u)}</td></tr>'
+        )
+    return (
+        '<div class="row" style="margin-top:10px"><span class="h">State y</span>'
+        f'<span class="d">mean ± 1 sigma</span></div><table>{cells}</table>'
+    )

@@ -1,0 +1,114 @@
+"""Lines, rings, crosses and words on a canvas.
+
+OpenCV's anti-aliased thick lines cost four times as much as filled polygons, so every line here is
+a polygon.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from scene_core.arrays import Vec
+from web_panels.style import RGB, C
+
+SHIFT = 4
+"""Sub-pixel bits of OpenCV's drawing functions."""
+DASHES = 10
+"""Of a dashed contour."""
+FONT = cv2.FONT_HERSHEY_SIMPLEX
+CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+
+
+class Painter:
+    """Draws on one canvas; `u` is the unit of all widths, 1 px of a 640 px wide canvas."""
+
+    def __init__(self, canvas: np.ndarray) -> None:
+        self.canvas = canvas
+        self.u = canvas.shape[1] / 640.0
+
+    def fill(self, parts: Sequence[Vec], colour: RGB) -> None:
+        """The area inside an odd number of the parts."""
+        points = [np.round(q * (1 << SHIFT)).astype(np.int32) for q in parts]
+        cv2.fillPoly(self.canvas, points, colour, cv2.LINE_AA, SHIFT)
+
+    def rings(self, contours: Vec, colour: RGB, width: float) -> None:
+        """Closed contours (N, K, 2)."""
+        for outer, inner in zip(*_sides(contours, width * self.u), strict=True):
+            self.fill([outer, inner], colour)
+
+    def dashed(self, contours: Vec, colour: RGB, width: float) -> None:
+        """Closed contours (N, K, 2), dashed."""
+        step = max(3, contours.shape[1] // DASHES)
+        keep = max(2, round(step * 0.67)) + 1
+        for outer, inner in zip(*_sides(contours, width * self.u), strict=True):
+            loop, back = np.concatenate([outer, outer]), np.concatenate([inner, inner])
+            dashes = [
+                np.concatenate([loop[i : i + keep], back[i : i + keep][::-1]])
+                for i in range(0, len(outer) - step + 1, step)
+            ]
+            self.fill(dashes, colour)
+
+    def line(self, a: Vec, b: Vec, colour: RGB, width: float) -> None:
+        """A straight line."""
+        along = b - a
+        length = float(np.hypot(*along))
+        if length < 1e-9:
+            return
+        side = np.array([-along[1], along[0]]) * (0.5 * width * self.u / length)
+        self.fill([np.array([a + side, b + side, b - side, a - side])], colour)
+
+    def cross(self, at: Vec, colour: RGB, size: float, width: float) -> None:
+        """An upright cross."""
+        for arm in np.eye(2) * size * self.u:
+            self.line(at - arm, at + arm, colour, width)
+
+    def gapped_cross(self, at: Vec, colour: RGB) -> None:
+        """A cross turned by 45 degrees, open in the middle so that it hides nothing."""
+        for corner in CORNERS * self.u:
+            self.line(at + 3.0 * corner, at + 6.5 * corner, colour, 1.5)
+
+    def square(self, at: Vec, colour: RGB, size: float, width: float) -> None:
+        """The outline of a square with half side `size` px."""
+        outer, inner = size + width / 2 * self.u, size - width / 2 * self.u
+        self.fill([at + outer * CORNERS, at + inner * CORNERS], colour)
+
+    def text(self, words: str, at: tuple[int, int], colour: RGB, scale: float) -> None:
+        """Words with a dark edge, baseline at `at`."""
+        size, thick = scale * self.u, max(1, round(1.5 * self.u))
+        edge = thick + max(2, round(2.2 * self.u))
+        cv2.putText(self.canvas, words, at, FONT, size, (10, 12, 16), edge, cv2.LINE_AA)
+        cv2.putText(self.canvas, words, at, FONT, size, colour, thick, cv2.LINE_AA)
+
+    def text_size(self, words: str, scale: float) -> tuple[int, int]:
+        """Width and height on the canvas."""
+        (w, h), _ = cv2.getTextSize(words, FONT, scale * self.u, max(1, round(1.5 * self.u)))
+        return w, h
+
+
+def dots(canvas: np.ndarray, at: Vec, radius: float) -> None:
+    """Raw measurements: filled discs at (k, 2)."""
+    r = round(radius * (1 << SHIFT))
+    for x, y in np.round(at * (1 << SHIFT)).astype(int).tolist():
+        cv2.circle(canvas, (x, y), r, C["ink"], -1, cv2.LINE_AA, SHIFT)
+
+
+def _sides(contours: Vec, width: float) -> tuple[Vec, Vec]:
+    """Outer and inner rim (N, K, 2) of lines of a width along closed contours."""
+    along = np.roll(contours, -1, axis=1) - np.roll(contours, 1, axis=1)
+    length = np.maximum(np.hypot(along[..., 0], along[..., 1]), 1e-9)
+    normal = np.stack([along[..., 1], -along[..., 0]], axis=-1) * (0.5 * width / length)[..., None]
+    return contours + normal, contours - normal
+
+
+def circle(n: int) -> Vec:
+    """n points (n, 2) of the unit circle."""
+    a = np.linspace(0.0, 2.0 * np.pi, n, endpoint=False)
+    return np.stack([np.cos(a), np.sin(a)], axis=-1)
+
+
+def pale(channel: int) -> int:
+    """A colour channel, lighter: thin letters need more light than lines."""
+    return min(255, int(0.55 * channel + 115))
