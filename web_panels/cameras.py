@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import logging
 import math
@@ -17,7 +18,7 @@ from web_panels.panel import View
 
 log = logging.getLogger(__name__)
 
-SAVE_EVERY_S = 1.0
+SAVE_AFTER_S = 0.5
 FOV = math.radians(43.0)
 ORBIT_RATE = math.radians(12.0)
 
@@ -49,7 +50,7 @@ class Cameras:
         self._asked: dict[int, View] = {}
         self._last: Vec | None = None
         self._when = time.monotonic()
-        self._saved: dict[int, float] = {}
+        self._saving: dict[int, asyncio.TimerHandle] = {}
         server.on_client_connect(self._connected)
         server.on_client_disconnect(self._gone)
 
@@ -150,21 +151,27 @@ class Cameras:
         client.camera.on_update(self._remember)
 
     async def _remember(self, camera: viser.CameraHandle) -> None:
+        """Keep the camera once it has come to rest, or now and then while it moves."""
         client = camera.client
-        now = time.monotonic()
-        if now - self._saved.get(client.client_id, -math.inf) < SAVE_EVERY_S:
-            return
-        self._saved[client.client_id] = now
+        if client.client_id not in self._saving:
+            loop = asyncio.get_running_loop()
+            self._saving[client.client_id] = loop.call_later(SAVE_AFTER_S, self._save, client)
+
+    def _save(self, client: viser.ClientHandle) -> None:
+        del self._saving[client.client_id]
         kept = {
             "run": self.run_name,
-            "position": [round(float(v), 4) for v in camera.position],
-            "look_at": [round(float(v), 4) for v in camera.look_at],
+            "position": [round(float(v), 4) for v in client.camera.position],
+            "look_at": [round(float(v), 4) for v in client.camera.look_at],
         }
         client.local_storage.set_item("scene-camera", json.dumps(kept))
 
     async def _gone(self, client: viser.ClientHandle) -> None:
-        for book in (self.modes, self._asked, self._saved):
+        for book in (self.modes, self._asked):
             book.pop(client.client_id, None)
+        timer = self._saving.pop(client.client_id, None)
+        if timer is not None:
+            timer.cancel()
 
 
 def read_camera(text: str | None, run_name: str) -> tuple[Vec, Vec] | None:
