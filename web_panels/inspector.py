@@ -76,8 +76,8 @@ def inspector_html(trace: Trace, label: int | None, own_choice: bool) -> str:
     seeing = [m for m in trace.world.mounts if _prediction(trace, m, label) is not None]
     mounts = seeing or [feature.mount if feature is not None else next(iter(trace.world.mounts))]
     note = (
-        '<div class="d" style="margin:-1px 0 2px">The most interesting feature of this frame; '
-        "click another to select it.</div>"
+        '<div class="d" style="margin:-1px 0 2px">Picked because nothing is selected: '
+        "click a feature to choose it.</div>"
         if own_choice
         else ""
     )

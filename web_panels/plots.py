@@ -77,7 +77,7 @@ class Plot:
         with self.server.atomic():
             if kind != self.kind:
                 named = dict(label=unit, labelSize=16) if unit else {}
-                axes: Any = (dict(UPLOT_AXIS), dict(UPLOT_AXIS) | named)
+                axes: Any = (dict(UPLOT_AXIS), dict(UPLOT_AXIS, space=26) | named)
                 bands: Any = () if band is None else (dict(series=list(band[:2]), fill=band[2]),)
                 h.series = (X_SERIES, *(c for c, _ in curves))
                 h.bands, h.axes = bands, axes

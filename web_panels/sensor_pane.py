@@ -106,6 +106,8 @@ class SensorPane:
         if self.scene.frame != p.trace.frame.index:
             facts += f" · from frame {self.scene.frame}"
         hint = "click: select" if p.mode == "playing" else "click: select or start one"
+        if not p.trace.complete and not p.trace.predictions(self.mount):
+            hint = "not predicted yet: press <kbd>P</kbd>"
         text = style.block(
             f'<div class="row" style="padding-bottom:4px;white-space:nowrap"><span class="d" '
             f'style="overflow:hidden;text-overflow:ellipsis">{facts}</span><span class="d" '
