@@ -1,0 +1,84 @@
+"""Drivers: pure, on their way, and as lively as they say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scene_core.filter.ports import SourceError
+from scene_core.models.motion.impulse import Impulse
+from scene_core.models.motion.nomad import PlanarNomad
+from scene_core.models.motion.odometry_3d import Odometry3D
+from scene_core.models.motion.velocity_1d import Velocity1D
+from scene_core.sources.drivers import ConstantControls, Shuttle, Waypoints
+from scene_core.sources.handheld import HandHeld
+from scene_core.sources.simulated import Simulation, TrueRobot
+from scene_core.sources.worlds import Field, Line, ThickCloister
+
+DT = 1 / 30
+
+
+def states(simulation: Simulation, robot: str, frames: int) -> np.ndarray:
+    state, out = simulation.start(), []
+    for k in range(frames):
+        _, state = simulation.advance(state, k)
+        out.append(state.xv[robot])
+    return np.array(out)
+
+
+def test_constant_controls_are_matched_by_label() -> None:
+    drive = ConstantControls({"az": 0.2, "dx": 0.1}).drive(
+        Odometry3D(), np.zeros(7), None, 1, 1.0, 0
+    )
+    np.testing.assert_array_equal(drive.u, [0.1, 0, 0, 0, 0, 0.2])
+
+
+def test_shuttle_stays_between_its_ends() -> None:
+    robot = TrueRobot(Velocity1D(), Shuttle(-1.0, 2.0, 0.5))
+    z = states(Simulation(Line(), {"r": robot}, {}, dt=0.1), "r", 600)[:, 0]
+    assert z.min() < -0.9 and z.max() > 1.9
+    assert z.min() > -1.2 and z.max() < 2.2
+
+
+def test_waypoints_are_visited_in_order_for_ever() -> None:
+    corners = ((2.0, 0.0), (2.0, 2.0), (-1.0, 1.0))
+    robot = TrueRobot(PlanarNomad(), Waypoints(corners), noise_on="controls")
+    at = states(Simulation(Field(), {"r": robot}, {}, dt=0.2), "r", 900)[:, :2]
+    near = np.linalg.norm(at[:, None] - np.array(corners), axis=2) < 0.3
+    visits = [int(np.argmax(row)) for row in near if row.any()]
+    order = [a for a, b in zip(visits, [*visits[1:], -1], strict=True) if a != b]
+    assert len(order) >= 6
+    assert order == [k % 3 for k in range(len(order))]
+
+
+@pytest.mark.parametrize("sd", [(1.0, 2.0), (3.0, 6.0)])
+def test_a_hand_accelerates_as_the_estimator_believes(sd: tuple[float, float]) -> None:
+    hand = HandHeld(sd_accel=sd[0], sd_ang_accel=sd[1])
+    robot = TrueRobot(Impulse(), hand)
+    xv = states(Simulation(ThickCloister(), {"r": robot}, {}, dt=DT, seed=2), "r", 1800)
+    rates = np.diff(xv[:, 7:], axis=0) / DT
+    rms = np.sqrt((rates**2).mean(0))
+    np.testing.assert_allclose(rms, np.repeat(sd, 3), rtol=0.1)
+    one_later = (rates[1:] * rates[:-1]).mean(0) / (rates**2).mean(0)
+    assert np.abs(one_later).max() < 0.12
+
+
+def test_a_hand_comes_back_to_where_it_started() -> None:
+    hand = HandHeld()
+    robot = TrueRobot(Impulse(), hand)
+    xv = states(Simulation(ThickCloister(), {"r": robot}, {}, dt=DT), "r", 2 * 900 + 1)
+    start = hand.start(Impulse(), DT)
+    for lap in (900, 1800):
+        assert np.linalg.norm(xv[lap, :3] - [start[s] for s in "xyz"]) < 0.6
+        assert abs(xv[lap, 3:7] @ [start[s] for s in ("qw", "qx", "qy", "qz")]) > np.cos(0.2)
+    assert np.ptp(xv[:, 0]) > 1.5
+
+
+def test_a_hand_is_pure_and_needs_velocities() -> None:
+    hand, xv = HandHeld(), np.zeros(13)
+    xv[3] = 1.0
+    a = hand.drive(Impulse(), xv, None, 7, DT, 5).push
+    b = hand.drive(Impulse(), xv, None, 7, DT, 5).push
+    np.testing.assert_array_equal(a, b)
+    with pytest.raises(SourceError, match="'vx'"):
+        hand.drive(Odometry3D(), np.eye(7)[3], None, 1, DT, 0)
