@@ -50,6 +50,28 @@ def set_param(experiment: Experiment, path: str, value: object) -> Experiment:
     return params.replace(experiment, path, value)
 
 
+def until_reset(edited: Experiment, started: Experiment) -> Experiment:
+    """The edited experiment with those parameters that act on reset as they were at the start.
+
+    A model that was not there at the start has its own values. The same object when nothing has
+    to be held back.
+    """
+    was = {s.path: s for s in _on_reset(started)}
+    for spec in _on_reset(edited):
+        before = was.get(spec.path)
+        if before is not None and before.value != spec.value:
+            owner = spec.path.rpartition(".")[0]
+            if type(params.get(edited, owner)) is type(params.get(started, owner)):
+                edited = params.put(edited, spec.path, before.value)
+    return edited
+
+
+def _on_reset(experiment: Experiment) -> list[params.Spec]:
+    specs = params.schema(experiment.estimator, "estimator")
+    specs += params.schema(experiment.source, "source")
+    return [s for s in specs if s.effect == "on reset"]
+
+
 def same_value(experiment: Experiment, command: SetParam) -> bool:
     """Whether an edit would change nothing; a path that does not exist is refused here."""
     old = params.get(experiment, command.path)

@@ -15,7 +15,7 @@ from typing import Literal
 
 from threadpoolctl import threadpool_limits
 
-from scene_core.filter.ports import EndOfData
+from scene_core.filter.ports import EndOfData, SourceError
 from scene_core.params import ParamError
 from scene_core.session import presets
 from scene_core.session.commands import Command, LoadPreset, Seek, Select, SetSpeed, Transport
@@ -94,8 +94,8 @@ class Runner:
             return NOTHING
 
     def _play(self) -> None:
-        if self._guarded(self._session.step_phase) and not self._session.half_stepped:
-            self._pace.frame_done(self._session.experiment.source.frame_rate, self._speed)
+        if self._guarded(self._session.step_phase, True) and not self._session.half_stepped:
+            self._pace.frame_done(self._session.running.source.frame_rate, self._speed)
             if monotonic() - self._published_at >= 1.0 / PUBLISH_HZ:
                 self._publish()
 
@@ -114,7 +114,7 @@ class Runner:
                     self._mode = "paused" if self._mode == "finished" else self._mode
             case Transport() | Seek():
                 self._set_playing(False)
-                self._guarded(lambda: self._session.apply(command))
+                self._guarded(lambda: self._session.apply(command), isinstance(command, Transport))
             case SetSpeed(factor):
                 self._set_speed(factor)
             case LoadPreset(name):
@@ -140,24 +140,22 @@ class Runner:
             "as fast as possible" if factor == math.inf else f"{factor:g} x real time"
         )
 
-    def _guarded(self, work: Callable[[], object]) -> bool:
-        """Do something that may fail; a failure pauses the run and says why. The session keeps the
-        state of its last good frame."""
+    def _guarded(self, work: Callable[[], object], is_frame: bool = False) -> bool:
+        """Do something that may fail; the session keeps the state of its last good frame. A frame
+        that fails pauses the run and says why; a command that is refused is a message."""
         try:
             work()
             return True
         except EndOfData:
             self._mode = "finished"
             self._session.message = "the end: step back, seek or reset to go on"
-        except ParamError as e:
-            # A refused command; while playing it is the frame's own settings that do not fit.
-            self._session.message = str(e)
-            if work == self._session.step_phase:
-                self._mode, self._failure = "paused", failure(e, self._session.frame + 1)
         except Exception as e:
-            # Whatever a model raises, the thread lives on: the page shows why it paused.
-            self._mode = "paused"
-            self._failure = failure(e, self._session.frame + 1)
+            # Whatever a model raises, the thread lives on.
+            if isinstance(e, (ParamError, SourceError)) and not is_frame:
+                self._session.message = str(e)
+            else:
+                self._mode = "paused"
+                self._failure = failure(e, self._session.frame + 1)
         self._publish()
         return False
 

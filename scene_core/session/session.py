@@ -13,6 +13,7 @@ from itertools import islice
 from time import perf_counter
 from typing import Any
 
+from scene_core import params
 from scene_core.filter.manage import initialise_at
 from scene_core.filter.ports import EndOfData, Frame, SourceError
 from scene_core.filter.records import Event, PhaseRecord, Trace
@@ -32,7 +33,7 @@ from scene_core.session.commands import (
     Undo,
 )
 from scene_core.session.config import Experiment
-from scene_core.session.edits import Edit, Settings, same_value, set_param
+from scene_core.session.edits import Edit, Settings, same_value, set_param, until_reset
 from scene_core.session.history import History, Moment
 from scene_core.session.metrics import Metrics
 from scene_core.session.roles import swapped
@@ -92,6 +93,11 @@ class Session:
         return self._in_force.experiment
 
     @property
+    def running(self) -> Experiment:
+        """What the frames are computed with: the settings in force, less what waits for a reset."""
+        return self._running(self._in_force)
+
+    @property
     def pending(self) -> Experiment | None:
         """Settings from the next frame on, when they differ."""
         edited = self.settings.experiment
@@ -135,7 +141,7 @@ class Session:
     @property
     def frame_count(self) -> int | None:
         """How many frames the run can have; None when it has no end."""
-        counts = [self.experiment.frames, self.experiment.source.frame_count]
+        counts = [self.experiment.frames, self.running.source.frame_count]
         return min((c for c in counts if c is not None), default=None)
 
     @property
@@ -264,7 +270,11 @@ class Session:
             return
         after, note = self._edited(before, command, playing)
         frame = self._next
-        reached = reconfigure(self.world, self.experiment.estimator, after.experiment.estimator)
+        running = self._running(after)
+        reached = reconfigure(self.world, self.running.estimator, running.estimator)
+        if isinstance(command, SetParam) and running is not after.experiment:
+            if params.get(running, command.path) != command.value:
+                note = "takes effect on reset"
         self._discard_future(frame - 1, computed=frame - 1)
         logged = self._edits.setdefault(frame, [])
         last = logged[-1].command if logged else None
@@ -299,7 +309,7 @@ class Session:
         if before.path != path:
             return False
         edited_at = max((f for f in self._edits if f <= self._next), default=-1)
-        drag = playing and self._next - edited_at <= self.experiment.source.frame_rate / 2
+        drag = playing and self._next - edited_at <= self.running.source.frame_rate / 2
         return edited_at == self._next or drag
 
     def _click(self, command: InitialiseAt) -> None:
@@ -340,14 +350,21 @@ class Session:
         logged = self._edits.get(frame)
         return logged[-1].settings if logged else self._in_force
 
+    def _running(self, settings: Settings) -> Experiment:
+        """Settings less what waits for a reset; the same object for the same settings."""
+        if settings.experiment is not self._held[0]:
+            experiment = until_reset(settings.experiment, self._started)
+            self._held = (settings.experiment, experiment)
+        return self._held[1]
+
     def _begin(self) -> OpenFrame:
         index = self._next
         settings = self._settings_at(index)
-        experiment = settings.experiment
+        experiment = self._running(settings)
         if experiment.frames is not None and index >= experiment.frames:
             raise EndOfData
         reached = reconfigure(
-            self._at.world, self._at.settings.experiment.estimator, experiment.estimator
+            self._at.world, self._running(self._at.settings).estimator, experiment.estimator
         )
         t0 = perf_counter()
         frame, state = experiment.source.advance(self._at.state, index)
@@ -373,17 +390,15 @@ class Session:
     def _finish(self, now: OpenFrame) -> None:
         trace = now.trace(complete=True)
         for click in self._clicks.get(trace.frame.index, []):
-            record = self._initialised(trace, click, now.settings.experiment)
+            record = self._initialised(trace, click)
             trace = replace(trace, records=(*trace.records, record))
         self._open = None
         self._at = Moment(trace.frame.index, trace.world, now.state, now.settings)
         self._source_ms = now.source_ms
         self._complete(trace)
 
-    def _initialised(
-        self, trace: Trace, click: InitialiseAt, experiment: Experiment | None = None
-    ) -> PhaseRecord:
-        source = (experiment or self.experiment).source
+    def _initialised(self, trace: Trace, click: InitialiseAt) -> PhaseRecord:
+        source = self.running.source
         t0 = perf_counter()
         world, event = initialise_at(trace.world, trace.frame, source, click.mount, click.z)
         ms = 1e3 * (perf_counter() - t0)
@@ -418,6 +433,8 @@ class Session:
         self._history = History(self._history_bytes)
         self._history.add(self._at, None)
         self.metrics = Metrics(settings.experiment.align)
+        self._started = settings.experiment
+        self._held = (settings.experiment, settings.experiment)
         self.run += 1
 
     def _goto(self, frame: int) -> None:

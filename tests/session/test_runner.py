@@ -244,3 +244,11 @@ def test_publishing_is_cheap() -> None:
         session.metrics.show(session.frame)
         runner._published()
     assert (time.perf_counter() - start) / 100 < 2e-3
+
+
+def test_a_seek_outside_the_kept_history_is_a_message(runner: Runner) -> None:
+    runner.post(Transport("step frame"))
+    wait(runner, lambda p: frame(p) == 0)
+    runner.post(Seek(7))
+    p = wait(runner, lambda p: "frame 7 is not kept" in p.message)
+    assert p.failure is None and frame(p) == 0

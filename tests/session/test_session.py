@@ -323,3 +323,23 @@ def test_views_of_the_series_never_change() -> None:
         np.testing.assert_array_equal(before.robots[name].position, position)
         np.testing.assert_array_equal(before.robots[name].sd, sd)
     assert len(before.times) == 10
+
+
+def test_what_acts_on_reset_waits_for_it() -> None:
+    session = run("cloister", frames=2)
+    width, dt = "source.mounts.camera.sensor.width", "source.dt"
+    session.apply(SetParam(width, 320))
+    assert session.message == "takes effect on reset"
+    session.apply(SetParam(dt, 0.2))
+    session.apply(SetParam("source.mounts.camera.sensor.sd_px", 2.0))
+    assert session.message == ""
+    session.advance()
+    assert params.get(session.experiment, width) == 320
+    assert params.get(session.running, width) == 640
+    assert params.get(session.running, "source.mounts.camera.sensor.sd_px") == 2.0
+    assert session.trace is not None and session.trace.frame.dt == pytest.approx(0.1)
+    session.reset()
+    session.advance()
+    session.advance()
+    assert params.get(session.running, width) == 320
+    assert session.trace.frame.dt == pytest.approx(0.2)
