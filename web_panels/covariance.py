@@ -204,11 +204,9 @@ def _key(canvas: np.ndarray, table: Table) -> None:
     x, y, height = LEFT + SIDE + 26, TOP, 300
     column = np.linspace(255, 0, height).round().astype(np.intp)
     canvas[y : y + height, x : x + 18] = ramp(table.signed)[column][:, None]
-    ticks = ((1.0, 12), (0.0, height // 2 + 6), (-1.0, height))
-    for value, at in ticks if table.signed else ((1.0, 12), (0.5, height // 2 + 6), (0.0, height)):
-        _text(
-            canvas, f"{value:+g}" if table.signed else f"{value:g}", (x + 28, y + at), C["dim"], 0.6
-        )
+    ticks = ("+1", "0", "-1") if table.signed else ("1", "0.5", "0")
+    for words, at in zip(ticks, (12, height // 2 + 6, height), strict=True):
+        _text(canvas, words, (x + 28, y + at), C["dim"], 0.6)
     named = {name for name, _, _, label in table.names if label is None}
     rows = [(short, words) for short, words, _ in GROUPS if short in named]
     for i, (short, words) in enumerate([*rows, ("7", "landmark")]):

@@ -27,7 +27,7 @@ THIN = 1.1
 
 
 class Chart(Protocol):
-    """A measurement space on a canvas; `lane` is the row of a feature, where there are rows."""
+    """A measurement space on a canvas; `lane` tells features apart where they get rows."""
 
     size: tuple[int, int]
     """Width and height of the canvas, px."""
@@ -82,19 +82,19 @@ def shapes_of(scene: Scene, chart: Chart) -> list[Shape]:
     marks = scene.marks
     if not marks:
         return []
-    lane = np.arange(len(marks))
+    lane = np.array([m.label for m in marks])
     centres = chart.place(np.array([m.h for m in marks]), lane)
     regions = [(i, h, S) for i, m in enumerate(marks) for h, S in _regions(m)]
     owner = np.array([i for i, _, _ in regions], dtype=int)
     if regions:
         h, S = np.array([h for _, h, _ in regions]), np.array([S for _, _, S in regions])
-        contours = chart.outlines(h, S, scene.half_width, owner)
+        contours = chart.outlines(h, S, scene.half_width, lane[owner])
     else:
         contours = np.zeros((0, 3, 2))
-    matched = _placed(chart, [m.z for m in marks])
+    matched = _placed(chart, [m.z for m in marks], lane)
     u = chart.size[0] / 640.0
     half = [max(6.0 * u, chart.magnification * m.patch / 2) for m in marks]
-    true = _placed(chart, [m.true_z for m in marks])
+    true = _placed(chart, [m.true_z for m in marks], lane)
     return [
         Shape(centres[i], contours[owner == i], matched.get(i), true.get(i), half[i], m)
         for i, m in enumerate(marks)
@@ -107,11 +107,11 @@ def _regions(m: Mark) -> list[tuple[Vec, Mat]]:
     return [] if m.S is None else [(m.h, m.S)]
 
 
-def _placed(chart: Chart, z: Sequence[Vec | None]) -> dict[int, Vec]:
+def _placed(chart: Chart, z: Sequence[Vec | None], lane: np.ndarray) -> dict[int, Vec]:
     known = [i for i, v in enumerate(z) if v is not None]
     if not known:
         return {}
-    places = chart.place(np.array([z[i] for i in known]), np.array(known))
+    places = chart.place(np.array([z[i] for i in known]), lane[known])
     return dict(zip(known, places, strict=True))
 
 

@@ -55,7 +55,7 @@ class Occupancy:
 
     def place(self, s: Drawn, w: int, h: int, must: bool) -> tuple[int, int] | None:
         """Left end of the baseline for a text of w x h px next to a shape; None: no room."""
-        corners, size = self._candidates(s, w, h), np.array([w, h])
+        corners, size = self._candidates(s, w, h, must), np.array([w, h])
         inside = ((corners >= 3) & (corners + size <= (self.w - 3, self.h - 3))).all(1)
         corners = corners[inside]
         free = corners[self._free(corners, w, h)]
@@ -69,12 +69,13 @@ class Occupancy:
         self.boxes.append((x, y, x + w, y + h))
         return round(x), round(y + h)
 
-    def _candidates(self, s: Drawn, w: int, h: int) -> Vec:
+    def _candidates(self, s: Drawn, w: int, h: int, outlined: bool) -> Vec:
         """Upper left corners (n, 2): around the shape, touching the tangent of each direction."""
         drawn = [s.contours.reshape(-1, 2), s.centre + self.gap * CORNERS]
         if s.match is not None:
             drawn.append(s.match + s.half * CORNERS)
         reach = ((np.concatenate(drawn) - s.centre) @ DIRECTIONS.T).max(0)
+        reach = reach + (1.8 * self.gap if outlined else 0.0)
         half = np.abs(DIRECTIONS) @ np.array([w, h]) / 2
         near = [
             s.centre + DIRECTIONS * (reach + half + far * self.gap)[:, None] for far in (1.5, 5.0)

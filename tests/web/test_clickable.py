@@ -1,13 +1,19 @@
 """Clicks on pictures: what the page's listener sends, and nothing else, becomes a command."""
 
 import json
+import socket
+import time
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
+import viser
 
 from scene_core.session.commands import InitialiseAt, Select
+from tests.web.raw_client import raw_client
 from tests.web.traces import MOUNT, cloister, published
-from web_panels.clickable import Click, parse_click
+from web_panels import clickable, gate
+from web_panels.clickable import Click, ClickableImage, parse_click
 from web_panels.drawing import shapes_of
 from web_panels.marks import scene_of
 from web_panels.panel import Page
@@ -85,8 +91,6 @@ def test_a_click_on_a_picture_that_was_never_shown_does_nothing():
 
 def test_the_listener_answers_in_the_form_that_is_parsed():
     """The fields of the script and of the parser are the same, in the same order."""
-    from web_panels import clickable
-
     sent = clickable._LISTENER.split("JSON.stringify([")[1].split("])")[0].replace("\n", "")
     assert [part.strip() for part in sent.split(",")] == [
         "(e.clientX-r.left)/r.width",
@@ -96,3 +100,40 @@ def test_the_listener_answers_in_the_form_that_is_parsed():
         "performance.now()",
     ]
     assert parse_click(json.dumps([0.5, 0.5, 3, False, 17.25])) == Click(0.5, 0.5, 3, False)
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[viser.ViserServer]:
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        port = int(s.getsockname()[1])
+    server = gate.guarded_server("127.0.0.1", port, None)
+    yield server
+    server.stop()
+
+
+def test_only_clicks_come_through_the_channel(server):
+    """A program that writes rubbish into the hidden text widget is not heard."""
+    heard: list[Click] = []
+    picture = ClickableImage(server, np.zeros((4, 4, 3), np.uint8), heard.append)
+    rubbish = ["", "[1,2]", "[0.5,0.5,1,false]", "[9,9,9,false,1]", 5, None, ["x"], "x" * 5000]
+    with raw_client(server) as client:
+        client.settle()
+        for value in [*rubbish, "[0.5,0.25,7,false,1]", *rubbish, "[0.5,0.25,7,false,2]"]:
+            client.set(picture.uuid, value)
+        end = time.monotonic() + 5.0
+        while len(heard) < 2 and time.monotonic() < end:
+            time.sleep(0.01)
+        client.settle()
+    assert heard == [Click(0.5, 0.25, 7, False)] * 2
+
+
+def test_a_picture_and_its_frame_reach_the_page(server):
+    picture = ClickableImage(server, np.zeros((4, 4, 3), np.uint8), lambda click: None)
+    with raw_client(server) as client:
+        client.settle()
+        picture.show(np.full((6, 8, 3), 200, np.uint8), 41)
+        mark = client.until(lambda m: 'data-frame="41"' in str(m.get("updates", {})))
+        assert picture.key in str(mark)
+        image = client.until(lambda m: "_data" in m.get("updates", {}))
+        assert bytes(image["updates"]["_data"])[:2] == b"\xff\xd8"
