@@ -58,6 +58,7 @@ def card_html(trace: Trace) -> str:
     by = f" · {escape(record.mount)}" if record.mount else ""
     body = BODIES[record.phase](record, before, trace)
     return block(
+        "<style>.e .pc td+td,.e .pc th+th{padding-left:9px}</style>"
         f'<div class="card" style="border-left:3px solid {colour};margin-top:8px">'
         f"{_steps(trace)}"
         f'<div class="row"><b>{title}{by}</b><span class="d">{record.ms:.2f} ms</span></div>'
@@ -82,7 +83,7 @@ def _equations(*lines: str) -> str:
 
 
 def _table(rows: str, head: str = "") -> str:
-    return f'<table style="font-size:11.5px">{head}{rows}</table>' if rows else ""
+    return f'<table class="pc" style="font-size:11.5px">{head}{rows}</table>' if rows else ""
 
 
 def _line(text: str) -> str:
@@ -189,10 +190,12 @@ def _search(record: PhaseRecord, before: World, trace: Trace) -> str:
     for m in record.matches[:LISTED]:
         found = m.z is not None
         colour = HEX["ink" if found else "nomatch"]
+        low = m.score < m.threshold and m.positions > 0
+        outcome = "found" if found else f"below {m.threshold:.2f}" if low else escape(m.why)
         what = f"{m.score:.2f}" if m.positions else "identity" if found else "–"
         rows += (
             f'<tr><td>{m.label}</td><td>{m.positions or "–"}</td><td style="color:{colour}">{what}'
-            f"</td><td>{'found' if found else escape(m.why)}</td></tr>"
+            f"</td><td>{outcome}</td></tr>"
         )
     found = sum(m.z is not None for m in record.matches)
     images = any(m.positions for m in record.matches)
@@ -247,6 +250,8 @@ def _update(record: PhaseRecord, before: World, trace: Trace) -> str:
         return _line("No accepted match: the state stays as it was predicted.")
     size = float(np.linalg.norm(np.concatenate([a.nu for a in used if a.nu is not None])))
     kind = record.world.policies.update.kind
+    units = set(record.world.mounts[used[0].mount].sensor.units)
+    unit = f" {escape(units.pop())}" if len(units) == 1 else ""
     equations = _equations(
         mm.formula(K, mm.op("="), P, mm.transposed(H), mm.inverse(S)),
         mm.formula(x, ARROW, x, mm.op("+"), K, nu),
@@ -255,7 +260,7 @@ def _update(record: PhaseRecord, before: World, trace: Trace) -> str:
     tables = "".join(_robot_table(r, before, record.world) for r in record.world.robots.values())
     return (
         equations
-        + _line(f"{len(used)} matches, {kind}, ‖ν‖ = {number(size)}.")
+        + _line(f"{len(used)} matches, {kind}, ‖ν‖ = {number(size)}{unit}.")
         + tables
         + _numbers(record.numbers, ("accepted",))
     )
@@ -265,7 +270,7 @@ def _manage(record: PhaseRecord, before: World, trace: Trace) -> str:
     if not record.events:
         return _line("No feature was born, converted or deleted.") + _numbers(record.numbers)
     rows = "".join(
-        f'<tr><td>{e.kind}</td><td style="text-align:left">&nbsp; {escape(e.text)}</td></tr>'
+        f'<tr><td>{e.kind}</td><td style="text-align:left">{escape(e.text)}</td></tr>'
         for e in record.events[:LISTED]
     )
     y, g, J = mm.symbol("y", True), mm.symbol("g", True), mm.symbol("J", True)
