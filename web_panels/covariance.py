@@ -27,9 +27,9 @@ from web_panels.style import HEX, RGB, C, block, escape
 
 ROWS = 64
 """States up to this size are shown number by number."""
-BLOCKS = 48
+BLOCKS = 40
 """At most this many blocks of a large state are shown."""
-NAMES = 24
+NAMES = 20
 """Beyond this many blocks only some of them are named."""
 WIDTH, HEIGHT = 860, 640
 """Of the picture: what the docked panel has room for, twice."""
@@ -192,7 +192,7 @@ def _text(canvas: np.ndarray, words: str, at: tuple[int, int], colour: RGB, scal
 
 def _name(canvas: np.ndarray, name: str, middle: int, colour: RGB, room: int) -> None:
     text = name if len(name) <= 7 else name[:6] + "."
-    scale = min(0.6 if len(text) < 4 else 0.42, max(0.42, room / 24.0))
+    scale = min(0.6 if len(text) < 4 else 0.5, max(0.5, room / 24.0))
     (w, h), _ = cv2.getTextSize(text, FONT, scale, 1)
     _text(canvas, text, (LEFT - 6 - w, TOP + middle + h // 2), colour, scale)
     if len(text) < 4:

@@ -149,7 +149,7 @@ def _draw_ids(painter: Painter, shapes: Sequence[Shape]) -> None:
     wanted = [s for s in shapes if s.mark.selected or s.mark.state not in ("unselected", "out")]
     boxes = Occupancy(painter.canvas.shape, shapes, painter.u)
     for s in sorted(wanted, key=lambda s: (not s.mark.selected, s.mark.label)):
-        words, scale = str(s.mark.label), 0.72 if s.mark.selected else 0.58
+        words, scale = str(s.mark.label), 0.76 if s.mark.selected else 0.66
         w, h = painter.text_size(words, scale)
         at = boxes.place(s, w, h, s.mark.selected)
         if at is None:
