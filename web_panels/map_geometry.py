@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from scene_core.arrays import Mat, Vec
+from scene_core.filter.ports import Truth
 from scene_core.filter.records import Trace
 from scene_core.filter.world import Label, Layout, World
 from scene_core.geometry import quaternion
@@ -220,21 +221,22 @@ def bounds_of(points: Vec, least: float = 0.0) -> Bounds:
     return Bounds(lo - grow, hi + grow)
 
 
-def start_bounds(experiment: Experiment, world: World, truth_points: Vec) -> Bounds:
+def start_bounds(experiment: Experiment, world: World, truth: Truth | None) -> Bounds:
     """What the map is going to show: the simulated world, or what is known at the start."""
-    source: Any = experiment.source
     parts = [robot_pose(world, r)[None, :3] for r in world.robots]
     least = 2.0
-    outline = outline_of(source, world.up)
-    if len(outline):
-        parts.append(outline.reshape(-1, 3))
-    if len(truth_points):
-        parts.append(truth_points)
-    if len(outline) == 0 and len(truth_points) == 0 and world.features:
-        cloud = Clouds().of(world, 0.5, 0.0)
-        parts.append(cloud.positions)
+    outline = outline_of(experiment.source, world.up).reshape(-1, 3)
+    points = true_points(truth, world.up)
+    if len(outline) == 0 and len(points) == 0 and world.features:
+        parts.append(Clouds().of(world, 0.5, 0.0).positions)
         least = 0.8
-    return bounds_of(np.concatenate(parts), least)
+    return bounds_of(np.concatenate([*parts, outline, points]), least)
+
+
+def true_points(truth: Truth | None, up: str) -> Vec:
+    """True landmarks (K, 3) in world axes; none when nobody knows them."""
+    points = np.zeros((0, 3)) if truth is None else np.asarray(truth.points)
+    return embed_points(points, SPACES[points.shape[1]], up) if len(points) else np.zeros((0, 3))
 
 
 def outline_of(source: Any, up: str) -> Vec:

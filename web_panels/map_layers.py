@@ -154,15 +154,15 @@ class Ellipsoids:
         return np.array([self.slots[label] for label in labels], dtype=int)
 
     def render(self, cloud: Cloud, rgb: np.ndarray) -> None:
+        """Inside `server.atomic()`: the four arrays belong together."""
         slots = self._place(cloud.labels)
         wxyz, positions, scales, colors = self._blank()
         wxyz[slots], positions[slots], scales[slots] = cloud.wxyz, cloud.positions, cloud.scales
         colors[slots] = linear(rgb)
-        with self.server.atomic():
-            self.node.batched_positions = positions
-            self.node.batched_wxyzs = wxyz
-            self.node.batched_scales = scales
-            self.node.batched_colors = colors
+        self.node.batched_positions = positions
+        self.node.batched_wxyzs = wxyz
+        self.node.batched_scales = scales
+        self.node.batched_colors = colors
 
 
 class Rays:
@@ -314,15 +314,22 @@ class Robots:
         node.fov, node.aspect = fov, aspect
         node.position, node.wxyz = pose[:3], pose[3:]
 
-    def render_images(self, trace: Trace) -> None:
-        """The live image on every camera's frustum, when it is another one."""
-        for mount, node in self.frusta.items():
+    def encoded(self, trace: Trace) -> dict[str, bytes]:
+        """JPEGs of the images that are not on their camera's frustum yet."""
+        out: dict[str, bytes] = {}
+        for mount in self.frusta:
             raw = trace.frame.raw.get(mount)
             if isinstance(raw, Image) and self.shown.get(mount) is not raw.pixels:
                 self.shown[mount] = raw.pixels
                 ok, data = cv2.imencode(".jpg", raw.pixels, [cv2.IMWRITE_JPEG_QUALITY, 80])
                 assert ok, "a grey uint8 image can always be encoded"
-                viser_hooks.show_jpeg(node, data.tobytes())
+                out[mount] = data.tobytes()
+        return out
+
+    def show(self, images: dict[str, bytes]) -> None:
+        """Put images on the frusta."""
+        for mount, data in images.items():
+            viser_hooks.show_jpeg(self.frusta[mount], data)
 
 
 class Paths:
@@ -391,10 +398,10 @@ class TrueLandmarks:
         self.node: viser.PointCloudHandle | None = None
 
     def render(self, trace: Trace | None, world: World, visible: bool) -> None:
-        truth = trace.frame.truth if trace is not None else None
-        if self.node is None and truth is not None and len(truth.points):
-            points = np.asarray(truth.points)
-            at = geo.embed_points(points, geo.SPACES[points.shape[1]], world.up)
+        if self.node is None and trace is not None and trace.frame.truth is not None:
+            at = geo.true_points(trace.frame.truth, world.up)
+            if len(at) == 0:
+                return
             self.node = self.scene.add_point_cloud(
                 "/map/truth/points",
                 at.astype(np.float32),

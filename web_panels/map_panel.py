@@ -35,26 +35,21 @@ class MapPanel:
 
     def __init__(self, page: Page) -> None:
         self.page = page
-        self.run: tuple[int, bool] | None = None
+        self.run: int | None = None
+        self.awaiting = False
         self.clouds = geo.Clouds()
 
     def build(self, server: viser.ViserServer, post: Post) -> None:
         self.server, self.post = server, post
         self.cameras = self.page.views = Cameras(server)
 
-    def _restart(self, p: Published, world: World) -> None:
+    def _restart(self, p: Published, world: World, bounds: geo.Bounds) -> None:
         """Make every node anew: another run may have another world, up and robots."""
         scene = self.server.scene
         scene.remove_by_name("/map")
-        truth = p.trace.frame.truth if p.trace is not None else None
-        points = np.zeros((0, 3))
-        if truth is not None and len(truth.points):
-            given = np.asarray(truth.points)
-            points = geo.embed_points(given, geo.SPACES[given.shape[1]], world.up)
-        self.bounds = geo.start_bounds(p.experiment, world, points)
+        self.bounds, size = bounds, bounds.radius
         self.simulated = len(geo.outline_of(p.experiment.source, world.up)) > 0
-        size = self.bounds.radius
-        self.ground = Ground(scene, p, world, self.bounds)
+        self.ground = Ground(scene, p, world, bounds)
         self.paths = Paths(scene, p)
         self.true_landmarks = TrueLandmarks(scene, size)
         self.rays = Rays(scene)
@@ -62,10 +57,26 @@ class MapPanel:
         self.ellipsoids = Ellipsoids(self.server, self._clicked)
         self.robots = Robots(scene, world, size)
         self.selected = Selected(scene)
-        self.cameras.place(p.experiment.name, self.bounds, world.up)
+        self.cameras.place(p.experiment.name, bounds, world.up)
         self.images_due = self.paths_due = self.correlation_due = 0.0
         self.correlation: tuple[object, ...] = ()
         self.rgb = np.zeros((0, 3))
+
+    def _fit(self, p: Published) -> World:
+        """The world to draw, in a map made for it. A recording tells where its landmarks are only
+        with its first frame: the map is then made again if it has to be larger."""
+        fresh = p.run != self.run
+        if fresh:
+            self.start = initial_world(p.experiment)
+            self.run, self.awaiting = p.run, True
+            self._restart(p, self.start, geo.start_bounds(p.experiment, self.start, None))
+        world = self.start if p.trace is None else p.trace.world
+        if self.awaiting and p.trace is not None:
+            self.awaiting = False
+            bounds = geo.start_bounds(p.experiment, world, p.trace.frame.truth)
+            if bounds.radius > 1.05 * self.bounds.radius:
+                self._restart(p, world, bounds)
+        return world
 
     async def _clicked(self, event: viser.SceneNodePointerEvent) -> None:
         label = self.ellipsoids.label_at.get(event.instance_index or 0)
@@ -73,29 +84,30 @@ class MapPanel:
             self.post(Select(label))
 
     def render(self, p: Published) -> None:
-        key = (p.run, p.trace is not None)
-        if key != self.run:
-            self.start = initial_world(p.experiment)
-            self._restart(p, self.start if p.trace is None else p.trace.world)
-            self.run = key
-        world = p.trace.world if p.trace is not None else self.start
+        world = self._fit(p)
         look, trace, now = self.page.look, p.trace, time.monotonic()
         cloud = self.clouds.of(world, look.confidence, 0.004 * self.bounds.radius)
         states = geo.states(trace, world, cloud.labels)
-        self.ellipsoids.render(cloud, self._colours(p, world, cloud, states))
-        self.rays.render(cloud, look.rays)
-        self.sightings.render(trace, world, cloud, look.rays)
-        self.robots.render(p, world, look.truth)
+        rgb = self._colours(p, world, cloud, states)
         robot = geo.robot_pose(world, next(iter(world.robots)))
-        self.selected.render(cloud, states, p.selected, robot[:3], look.labels)
-        self.true_landmarks.render(trace, world, look.truth)
-        self.ground.room.visible = look.room
-        if now >= self.paths_due or p.mode != "playing":
-            self.paths_due = now + 1.0 / PATH_HZ
-            self.paths.render(p, look.trajectories, look.truth)
-        if trace is not None and (now >= self.images_due or p.mode != "playing"):
+        still = p.mode != "playing"
+        images: dict[str, bytes] = {}
+        if trace is not None and (still or now >= self.images_due):
             self.images_due = now + 1.0 / IMAGE_HZ
-            self.robots.render_images(trace)
+            images = self.robots.encoded(trace)
+        # One wake-up of viser's thread for all messages: each costs a change of threads.
+        with self.server.atomic():
+            self.ellipsoids.render(cloud, rgb)
+            self.rays.render(cloud, look.rays)
+            self.sightings.render(trace, world, cloud, look.rays)
+            self.robots.render(p, world, look.truth)
+            self.robots.show(images)
+            self.selected.render(cloud, states, p.selected, robot[:3], look.labels)
+            self.true_landmarks.render(trace, world, look.truth)
+            self.ground.room.visible = look.room
+            if still or now >= self.paths_due:
+                self.paths_due = now + 1.0 / PATH_HZ
+                self.paths.render(p, look.trajectories, look.truth)
         cameras = [m for m in world.mounts if world.mounts[m].sensor.pane == "image"]
         eye = geo.mount_pose(world, cameras[0]) if cameras else None
         self.cameras.move(robot[:3], eye, self._seen(cloud, robot[:3]))
