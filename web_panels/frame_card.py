@@ -13,20 +13,16 @@ from scene_core.session.published import Published, RobotSeries
 from web_panels import style
 from web_panels.panel import Page, Post
 from web_panels.style import HEX, PHASES, escape, number, shown
+from web_panels.verdicts import states
 
 POINTS = 150
 """Samples of the consistency curve."""
 
 
 def counts(trace: Trace) -> Counter[str]:
-    """Features by state; one that several sensors saw counts by the first that measured it."""
-    state: dict[int, str] = {}
-    for a in trace.associations():
-        key = style.STATE_OF_VERDICT[a.verdict]
-        if state.get(a.label, "unselected") == "unselected":
-            state[a.label] = key
+    """Features by state."""
     known = trace.world.features
-    out = Counter(key for label, key in state.items() if label in known)
+    out = Counter(key for label, key in states(trace).items() if label in known)
     born = sum(f.born == trace.frame.index and not f.known for f in known.values())
     out["partial"] = born
     out["out"] = max(0, len(known) - sum(out.values()))

@@ -20,7 +20,8 @@ from scene_core.geometry.spaces import ONE_D, THREE_D, TWO_D, Space, embed, embe
 from scene_core.geometry.spaces import embed_covariances as embed_P
 from scene_core.models.base import FeatureModel, Sensor
 from scene_core.session.config import Experiment
-from web_panels.style import STATE_OF_VERDICT, C
+from web_panels import verdicts
+from web_panels.style import C
 
 SPACES: dict[int, Space] = {1: ONE_D, 2: TWO_D, 3: THREE_D}
 POSES: dict[int, Space] = {1: ONE_D, 3: TWO_D, 7: THREE_D}
@@ -119,18 +120,13 @@ def within_ray(mean: Vec, scales: Vec, ends: Vec) -> tuple[Vec, Vec]:
 
 def states(trace: Trace | None, world: World, labels: Iterable[Label]) -> list[str]:
     """Palette key of every feature: its verdict in this frame, else new or out of view."""
-    verdicts: dict[Label, str] = {}
-    frame = None
-    if trace is not None:
-        frame = trace.frame.index
-        for a in trace.associations():
-            if verdicts.get(a.label, "unselected") == "unselected":
-                verdicts[a.label] = STATE_OF_VERDICT[a.verdict]
+    judged = {} if trace is None else verdicts.states(trace)
+    frame = None if trace is None else trace.frame.index
     out = []
     for label in labels:
         f = world.features[label]
         fresh = f.born == frame and not f.known
-        out.append(verdicts.get(label, "partial" if fresh else "out"))
+        out.append(judged.get(label, "partial" if fresh else "out"))
     return out
 
 

@@ -22,7 +22,8 @@ from scene_core.session.published import Published
 from web_panels import map_geometry as geo
 from web_panels import viser_hooks
 from web_panels.map_geometry import Bounds, Cloud
-from web_panels.style import C, linear
+from web_panels.style import STATE_OF_VERDICT, C, linear
+from web_panels.verdicts import outcomes
 
 BALL = trimesh.creation.icosphere(2)
 
@@ -376,15 +377,15 @@ class Sightings:
         if not visible or trace is None:
             return
         row = {label: i for i, label in enumerate(cloud.labels)}
-        segments, colors = [], []
+        segments, colors, judged = [], [], outcomes(trace)
         for mount, m in world.mounts.items():
             if m.sensor.pane == "image":
                 continue
             start = geo.mount_pose(world, mount)[:3]
-            for a in trace.associations(mount):
-                if a.label in row and a.verdict in ("accepted", "rejected"):
-                    segments.append((start, cloud.positions[row[a.label]]))
-                    colors.append((C[geo.STATE_OF_VERDICT[a.verdict]],) * 2)
+            for (where, label), a in judged.items():
+                if where == mount and label in row and a.verdict in ("accepted", "rejected"):
+                    segments.append((start, cloud.positions[row[label]]))
+                    colors.append((C[STATE_OF_VERDICT[a.verdict]],) * 2)
         with_any = len(segments) > 0
         self.node.points = np.array(segments if with_any else np.zeros((0, 2, 3)), dtype=np.float32)
         self.node.colors = np.array(colors if with_any else np.zeros((0, 2, 3)), dtype=np.uint8)

@@ -78,6 +78,11 @@ class MapPanel:
                 self._restart(p, world, bounds)
         return world
 
+    @property
+    def restless(self) -> bool:
+        """Cameras move although the session stands still."""
+        return self.run is not None and self.cameras.moving
+
     async def _clicked(self, event: viser.SceneNodePointerEvent) -> None:
         label = self.ellipsoids.label_at.get(event.instance_index or 0)
         if label is not None:

@@ -23,7 +23,11 @@ Post = Callable[[Command], None]
 
 
 class Panel(Protocol):
-    """One part of the page."""
+    """One part of the page.
+
+    A panel that moves by itself may also have an attribute `restless`: while it is true the panel
+    is rendered at its rate although nothing changed.
+    """
 
     rate_hz: float
     """At most this many renderings a second: map 30, images 10 to 15, text and plots 5."""

@@ -42,7 +42,8 @@ class Turn:
     look: Look | None = None
 
     def stale(self, p: Published, look: Look) -> bool:
-        return self.seq != p.seq or self.look is not look
+        moving = getattr(self.panel, "restless", False)
+        return moving or self.seq != p.seq or self.look is not look
 
 
 class ViewLoop:
