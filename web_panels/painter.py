@@ -1,7 +1,6 @@
 """Lines, rings, crosses and words on a canvas.
 
-OpenCV's anti-aliased thick lines cost four times as much as filled polygons, so every line here is
-a polygon.
+Contours are filled polygons: OpenCV's anti-aliased thick polylines cost four times as much.
 """
 
 from __future__ import annotations
@@ -20,6 +19,8 @@ DASHES = 10
 """Of a dashed contour."""
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+Place = Vec | tuple[float, float]
+"""x and y on the canvas, px."""
 
 
 class Painter:
@@ -31,7 +32,7 @@ class Painter:
 
     def fill(self, parts: Sequence[Vec], colour: RGB) -> None:
         """The area inside an odd number of the parts."""
-        points = [np.round(q * (1 << SHIFT)).astype(np.int32) for q in parts]
+        points = [(q * (1 << SHIFT) + 0.5).astype(np.int32) for q in parts]
         cv2.fillPoly(self.canvas, points, colour, cv2.LINE_AA, SHIFT)
 
     def rings(self, contours: Vec, colour: RGB, width: float) -> None:
@@ -51,29 +52,31 @@ class Painter:
             ]
             self.fill(dashes, colour)
 
-    def line(self, a: Vec, b: Vec, colour: RGB, width: float) -> None:
-        """A straight line."""
-        along = b - a
-        length = float(np.hypot(*along))
-        if length < 1e-9:
-            return
-        side = np.array([-along[1], along[0]]) * (0.5 * width * self.u / length)
-        self.fill([np.array([a + side, b + side, b - side, a - side])], colour)
+    def line(self, a: Place, b: Place, colour: RGB, width: float) -> None:
+        """A straight line; short ones are cheap as they are."""
+        ends = [(round(x * (1 << SHIFT)), round(y * (1 << SHIFT))) for x, y in (a, b)]
+        thick = max(1, round(width * self.u))
+        cv2.line(self.canvas, *ends, colour, thick, cv2.LINE_AA, SHIFT)
 
     def cross(self, at: Vec, colour: RGB, size: float, width: float) -> None:
         """An upright cross."""
-        for arm in np.eye(2) * size * self.u:
-            self.line(at - arm, at + arm, colour, width)
+        (x, y), a = at.tolist(), size * self.u
+        self.line((x - a, y), (x + a, y), colour, width)
+        self.line((x, y - a), (x, y + a), colour, width)
 
     def gapped_cross(self, at: Vec, colour: RGB) -> None:
         """A cross turned by 45 degrees, open in the middle so that it hides nothing."""
-        for corner in CORNERS * self.u:
-            self.line(at + 3.0 * corner, at + 6.5 * corner, colour, 1.5)
+        (x, y), near, far = at.tolist(), 3.0 * self.u, 6.5 * self.u
+        for sx, sy in CORNERS.tolist():
+            self.line((x + sx * near, y + sy * near), (x + sx * far, y + sy * far), colour, 1.5)
 
     def square(self, at: Vec, colour: RGB, size: float, width: float) -> None:
         """The outline of a square with half side `size` px."""
-        outer, inner = size + width / 2 * self.u, size - width / 2 * self.u
-        self.fill([at + outer * CORNERS, at + inner * CORNERS], colour)
+        (x, y), thick = at.tolist(), max(1, round(width * self.u))
+        lo, hi = (
+            (round((x + d) * (1 << SHIFT)), round((y + d) * (1 << SHIFT))) for d in (-size, size)
+        )
+        cv2.rectangle(self.canvas, lo, hi, colour, thick, cv2.LINE_AA, SHIFT)
 
     def text(self, words: str, at: tuple[int, int], colour: RGB, scale: float) -> None:
         """Words with a dark edge, baseline at `at`."""
