@@ -3,20 +3,28 @@
 Stacked: one linearisation, H of all accepted matches. Sequential: after each match h, H and S are
 computed again at the new state (the search is done once), and the gate is applied to the new d2.
 
-Source: Davison, Scene 1.0 (stacked); Solà, toolbox, `correctKnownLmks` (sequential).
+Iterated: stacked, but linearised a second time where the first pass puts the sensor (its robot,
+pose and calibration), the features staying where they were predicted. A step d of noisy odometry
+with lateral variance s^2 is otherwise lengthened by s^2 / d^2 on average, because the direction of
+motion is corrected along the tangent at the noisy prediction: in the cloister the map then comes
+out 0.8 % too large, twice its standard deviation. Iterating the features too would put an open
+depth at the mode of its skewed posterior, 2 % off in the first frames.
+
+Source: Davison, Scene 1.0 (stacked); Solà, toolbox, `correctKnownLmks` (sequential); Jazwinski,
+Stochastic processes and filtering theory, section 8.3 (iterated).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from scene_core.arrays import Mat
+from scene_core.arrays import Mat, Vec
 from scene_core.filter.associate import judge
-from scene_core.filter.gaussian import Rows, Workspace, times_Ht, times_P
-from scene_core.filter.observe import groups, observe, rows, sensor_state
+from scene_core.filter.gaussian import Rows, Workspace, add_noise, times_Ht, times_P
+from scene_core.filter.observe import SensorState, groups, observe, rows, sensor_state
 from scene_core.filter.ports import Match
 from scene_core.filter.predict import normalise_robots
 from scene_core.filter.records import Association
@@ -62,7 +70,37 @@ def _stacked(
     accepted = {m.label: m for m in found if verdicts[m.label].verdict == "accepted"}
     if not accepted:
         return
-    at = sensor_state(world, mount)
+    at, parts, nu, R = _linearised(work, world, mount, accepted)
+    for _ in range(linearisations(world) - 1):
+        prior = work.x.copy()
+        work.x[at.columns] += _gain_rows(work, parts, R, at.columns) @ nu
+        moved = work.x - prior
+        at, parts, nu, R = _linearised(work, world, mount, accepted)
+        # What this linearisation, made elsewhere, says of the innovation at the prior.
+        nu += times_Ht(moved[None], parts)[0]
+        work.x[:] = prior
+    work.update(parts, nu, R)
+
+
+def linearisations(world: World) -> int:
+    """How often the matches of a frame are linearised before their update."""
+    update = world.policies.update
+    return update.iterations if update.kind == "iterated" else 1
+
+
+def _gain_rows(work: Workspace, parts: Sequence[Rows], R: Mat, rows: np.ndarray) -> Mat:
+    """Rows of the gain K = P H' S^-1."""
+    HP = times_P(parts, work.P)
+    S = times_Ht(HP, parts)
+    add_noise(S, R)
+    return np.linalg.solve(S, HP[:, rows]).T
+
+
+def _linearised(
+    work: Workspace, world: World, mount: str, accepted: Mapping[Label, Match]
+) -> tuple[SensorState, list[Rows], Vec, Mat]:
+    """H, nu and the blocks of R of the accepted matches at the present x."""
+    at = sensor_state(world, mount, Gaussian(work.x, work.P, work.layout))
     sensor = at.mount.sensor
     parts: list[Rows] = []
     nus, Rs = [], []
@@ -75,7 +113,7 @@ def _stacked(
             assert match.z is not None
             nus.append(sensor.nu(seen.h[i], match.z).nu)
             Rs.append(noise(match, R[i]))
-    work.update(parts, np.concatenate(nus), np.array(Rs))
+    return at, parts, np.concatenate(nus), np.array(Rs)
 
 
 def _sequential(

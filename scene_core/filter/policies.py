@@ -46,11 +46,14 @@ class Association:
 class Update:
     """How the accepted matches change the state."""
 
-    kind: Literal["stacked", "sequential"] = param(
-        "stacked", choices=("stacked", "sequential"), label="Update"
+    kind: Literal["stacked", "sequential", "iterated"] = param(
+        "stacked", choices=("stacked", "sequential", "iterated"), label="Update"
     )
     """stacked: one update with all matches. sequential: one after the other, h, H and S computed
-    anew after each (the search is done once)."""
+    anew after each (the search is done once). iterated: stacked, linearised again where the first
+    pass puts the sensor, the features staying as predicted."""
+    iterations: int = param(2, lo=1, hi=20, soft=(1, 5), label="Linearisations")
+    """How often the iterated update is linearised."""
 
 
 @dataclass(frozen=True)

@@ -171,7 +171,7 @@ def cloister() -> Experiment:
         selection=Selection(budget=10, score="determinant"),
         association=Association("identity"),
         gate=Gate(confidence=-math.expm1(-4.5)),
-        update=Update("sequential"),
+        update=Update("iterated"),
         management=Management(
             keep_visible=ALL,
             max_new=1,

@@ -7,13 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scene_core import params
 from scene_core.arrays import frozen
 from scene_core.filter.manage import delete, initialise, initialise_at
 from scene_core.filter.observe import groups, observe, predictions, sensor_state
+from scene_core.filter.policies import Update
 from scene_core.filter.ports import Control, Detection, Frame, Points
 from scene_core.filter.records import Trace
 from scene_core.filter.step import step
 from scene_core.filter.world import Gaussian, World
+from scene_core.session import presets
+from scene_core.session.start import initial_world
 from tests.filter.worlds import ToySource, camera_world, management, without_new
 
 
@@ -230,3 +234,29 @@ def test_stacked_update_is_the_dense_textbook_one() -> None:
     points = np.concatenate([world.gauss.layout[f"feature:{i}"].indices for i in range(1, 5)])
     np.testing.assert_allclose(after[points], expected[points], atol=1e-8)
     np.testing.assert_allclose(after[:3], expected[:3], atol=1e-8)
+
+
+def test_iterating_a_linear_measurement_changes_nothing() -> None:
+    """On a line h is linear, so a second linearisation says what the first one said."""
+    experiment = presets.build("line")
+    worlds = []
+    for kind in ("stacked", "iterated"):
+        estimator = params.replace(experiment.estimator, "policies.update.kind", kind)
+        world = initial_world(replace(experiment, estimator=estimator))
+        state = experiment.source.start()
+        for index in range(20):
+            frame, state = experiment.source.advance(state, index)
+            world = Trace(frame, world, tuple(step(world, frame, experiment.source)), True).world
+        worlds.append(world)
+    np.testing.assert_allclose(worlds[1].gauss.x, worlds[0].gauss.x, atol=1e-12)
+    np.testing.assert_allclose(worlds[1].gauss.P, worlds[0].gauss.P, atol=1e-12)
+
+
+def test_more_linearisations_converge() -> None:
+    world = without_new(identified(camera_world(seed=12, points=6, rays=0, whole=False)))
+    ends = []
+    for count in (6, 7):
+        update = Update("iterated", iterations=count)
+        w = replace(world, policies=replace(world.policies, update=update))
+        ends.append(run(w, still_frame(seen_from(world, 2.0))).world.gauss.x)
+    np.testing.assert_allclose(ends[1], ends[0], atol=1e-6)
