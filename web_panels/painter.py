@@ -54,9 +54,9 @@ class Painter:
 
     def line(self, a: Place, b: Place, colour: RGB, width: float) -> None:
         """A straight line; short ones are cheap as they are."""
-        ends = [(round(x * (1 << SHIFT)), round(y * (1 << SHIFT))) for x, y in (a, b)]
+        start, end = ((round(x * (1 << SHIFT)), round(y * (1 << SHIFT))) for x, y in (a, b))
         thick = max(1, round(width * self.u))
-        cv2.line(self.canvas, *ends, colour, thick, cv2.LINE_AA, SHIFT)
+        cv2.line(self.canvas, start, end, colour, thick, cv2.LINE_AA, SHIFT)
 
     def cross(self, at: Vec, colour: RGB, size: float, width: float) -> None:
         """An upright cross."""
