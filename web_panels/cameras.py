@@ -47,6 +47,11 @@ class Cameras:
         self.bounds: Bounds | None = None
         self.up = "z"
         self.modes: dict[int, View] = {}
+        self.in_the_way: tuple[str, ...] = ()
+        """Nodes hidden from who looks through the sensor's eye: the frusta with their images."""
+        self.eye_fov = FOV
+        """Vertical field of view of the sensor, rad."""
+        self._hidden: dict[int, list[viser.FrameHandle]] = {}
         self._asked: dict[int, View] = {}
         self._last: Vec | None = None
         self._when = time.monotonic()
@@ -74,6 +79,7 @@ class Cameras:
         if changed:
             self.modes.clear()
             for client in self.server.get_clients().values():
+                self._hide(client, False)
                 self._set(client, position, target)
 
     def _up(self) -> Vec:
@@ -89,6 +95,15 @@ class Cameras:
             client.camera.up_direction = self._up()
             client.camera.position = position
             client.camera.look_at = target
+
+    def _hide(self, client: viser.ClientHandle, hide: bool) -> None:
+        """Lay empty nodes of this browser alone over what is in the way, or take them away."""
+        for handle in self._hidden.pop(client.client_id, []):
+            handle.remove()
+        if hide:
+            self._hidden[client.client_id] = [
+                client.scene.add_frame(name, show_axes=False) for name in self.in_the_way
+            ]
 
     def move(self, robot: Vec, eye: Vec | None, bounds: Bounds) -> None:
         """Serve what was asked for, then carry the cameras that move along."""
@@ -108,6 +123,8 @@ class Cameras:
                 self._carry(client, view, step, eye, dt)
 
     def _begin(self, client: viser.ClientHandle, view: View, robot: Vec, bounds: Bounds) -> None:
+        self._hide(client, view == "eye")
+        client.camera.fov = self.eye_fov if view == "eye" else FOV
         if view in ("perspective", "top", "side"):
             self._set(client, *self._standing(view, bounds))
             return
@@ -167,7 +184,7 @@ class Cameras:
         client.local_storage.set_item("scene-camera", json.dumps(kept))
 
     async def _gone(self, client: viser.ClientHandle) -> None:
-        for book in (self.modes, self._asked):
+        for book in (self.modes, self._asked, self._hidden):
             book.pop(client.client_id, None)
         timer = self._saving.pop(client.client_id, None)
         if timer is not None:

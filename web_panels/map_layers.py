@@ -315,6 +315,11 @@ class Robots:
         node.fov, node.aspect = fov, aspect
         node.position, node.wxyz = pose[:3], pose[3:]
 
+    @property
+    def frustum_names(self) -> tuple[str, ...]:
+        """Scene nodes of the cameras."""
+        return tuple(node.name for node in self.frusta.values())
+
     def encoded(self, trace: Trace) -> dict[str, bytes]:
         """JPEGs of the images that are not on their camera's frustum yet."""
         out: dict[str, bytes] = {}

@@ -113,9 +113,18 @@ class MapPanel:
             if still or now >= self.paths_due:
                 self.paths_due = now + 1.0 / PATH_HZ
                 self.paths.render(p, look.trajectories, look.truth)
-        cameras = [m for m in world.mounts if world.mounts[m].sensor.pane == "image"]
-        eye = geo.mount_pose(world, cameras[0]) if cameras else None
-        self.cameras.move(robot[:3], eye, self._seen(cloud, robot[:3]))
+        self._move_cameras(world, robot[:3], self._seen(cloud, robot[:3]))
+
+    def _move_cameras(self, world: World, robot: np.ndarray, bounds: geo.Bounds) -> None:
+        """The sensor's eye is that of the first camera; without one there is none."""
+        eye = None
+        for name, mount in world.mounts.items():
+            if mount.sensor.pane == "image":
+                eye = geo.mount_pose(world, name)
+                self.cameras.eye_fov = geo.view_angle(mount.sensor, world.mount_calib(name))[0]
+                break
+        self.cameras.in_the_way = self.robots.frustum_names
+        self.cameras.move(robot, eye, bounds)
 
     def _colours(
         self, p: Published, world: World, cloud: geo.Cloud, states: list[str]

@@ -109,7 +109,7 @@ label{letter-spacing:0!important}
 border:1px solid var(--rule);border-radius:6px;padding:5px 4px 4px 12px;max-width:560px;
 line-height:1.35}
 .mantine-Flex-root>div:has(>p>label){width:7.4em!important}
-p:has(>label){overflow-wrap:break-word!important}
+p:has(>label){overflow-wrap:break-word!important}p:has(>label) wbr{display:none}
 @media(max-width:36em){.mantine-Paper-root[style*="bottom: 0px"][style*="width: 20em"],
 .mantine-Paper-root[style*="bottom: 0px"] div[style*="width: 20em"]{width:100%!important}}
 .u-legend{font-size:11px!important;margin:0!important}.u-title{font-size:12px!important;font-weight:600}

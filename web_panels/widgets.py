@@ -123,7 +123,7 @@ def nice_step(lo: float, hi: float) -> float:
     return next(m * ten for m in (5.0, 2.0, 1.0) if m * ten <= raw * (1 + 1e-9))
 
 
-def rounded(value: float, digits: int = 5) -> float:
+def rounded(value: float, digits: int = 4) -> float:
     """A value as an input shows it; what is in force stays exact until somebody edits it."""
     return float(f"{value:.{digits}g}")
 

@@ -195,4 +195,4 @@ def test_titles_leave_symbols_alone() -> None:
         "f u",
         "NCC, min",
     ]
-    assert rounded(2.8647889) == 2.8648
+    assert rounded(2.8647889) == 2.865

@@ -1,0 +1,235 @@
+"""The map: ellipsoids are covariances, instances keep their features, kept cameras are read."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+import viser
+
+from scene_core.filter.world import World
+from scene_core.geometry import quaternion
+from scene_core.geometry.correlation import largest_canonical_correlations
+from scene_core.geometry.ellipses import sigma
+from scene_core.session.presets import build
+from scene_core.session.published import Published
+from scene_core.session.session import Session
+from tests.web.fakes import published
+from tests.web.test_gate import free_port
+from web_panels import gate, map_geometry, verdicts
+from web_panels.cameras import read_camera
+from web_panels.map_geometry import Cloud, Clouds
+from web_panels.map_layers import Ellipsoids
+from web_panels.map_legend import legend_html
+from web_panels.panel import Look
+from web_panels.style import C, linear
+
+RNG = np.random.default_rng(1)
+
+
+@pytest.fixture(scope="module", params=["line", "nomad", "cloister"])
+def world(request: pytest.FixtureRequest) -> World:
+    session = Session(build(request.param))
+    for _ in range(15):
+        session.advance()
+    return session.world
+
+
+@pytest.fixture(scope="module")
+def cloister() -> Published:
+    return published("cloister", 25)
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[viser.ViserServer]:
+    server = gate.guarded_server("127.0.0.1", free_port(), None)
+    yield server
+    server.stop()
+
+
+def test_every_feature_is_drawn_once_and_where_it_is(world: World) -> None:
+    cloud = Clouds().of(world, 0.95, 0.0)
+    assert sorted(cloud.labels) == sorted(world.features)
+    for label, at in zip(cloud.labels, cloud.positions, strict=True):
+        f = world.features[label]
+        glyph = f.model.graphics(world.gauss.mean(f.block)[None], world.gauss.cov(f.block)[None])
+        if glyph.ends is None:
+            mean = map_geometry.embed_points(glyph.mean, f.model.space, world.up)
+            assert np.allclose(at, mean[0])
+
+
+def test_ellipsoids_have_the_stated_content(world: World) -> None:
+    """scale / sigma(d, confidence) and wxyz are the eigen-decomposition of the covariance."""
+    clouds = Clouds()
+    cloud = clouds.of(world, 0.95, 0.0)
+    wider = clouds.of(world, 0.99, 0.0)
+    for i, label in enumerate(cloud.labels):
+        f = world.features[label]
+        if f.model.successor() is not None:
+            continue
+        d = f.model.space.d
+        R = quaternion.matrix(cloud.wxyz[i])
+        P = R @ np.diag((cloud.scales[i] / sigma(d, 0.95)) ** 2) @ R.T
+        glyph = f.model.graphics(world.gauss.mean(f.block)[None], world.gauss.cov(f.block)[None])
+        expected = map_geometry.embed_P(glyph.cov, f.model.space, world.up)[0]
+        assert np.allclose(P, expected, atol=1e-12)
+        ratio = sigma(d, 0.99) / sigma(d, 0.95)
+        assert np.allclose(wider.scales[i], ratio * cloud.scales[i])
+
+
+def test_remembered_rows_follow_the_layout(cloister: Published) -> None:
+    """One `Clouds` through a whole run gives what a fresh one gives."""
+    session, clouds = Session(build("cloister")), Clouds()
+    for _ in range(12):
+        session.advance()
+        ours, fresh = (c.of(session.world, 0.95, 0.01) for c in (clouds, Clouds()))
+        assert ours.labels == fresh.labels
+        assert np.array_equal(ours.positions, fresh.positions)
+
+
+def test_open_depths_stay_on_their_rays() -> None:
+    ends = RNG.normal(size=(50, 2, 3))
+    mean, scales = RNG.normal(size=(50, 3)) * 100, np.abs(RNG.normal(size=(50, 3))) * 100
+    held, capped = map_geometry.within_ray(mean, scales, ends)
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    assert (np.linalg.norm(held - ends[:, 0], axis=1) <= length + 1e-9).all()
+    assert (capped <= np.maximum(0.5 * length, 1e-3)[:, None] + 1e-12).all()
+
+
+def test_rings_lie_on_the_larger_ellipsoid() -> None:
+    scales, wxyz = np.array([0.1, 0.2, 0.4]), np.array([0.5, 0.5, -0.5, 0.5])
+    at = np.array([1.0, 2.0, 3.0])
+    points = map_geometry.rings(at, scales, wxyz, larger=1.25).reshape(-1, 3)
+    local = (points - at) @ quaternion.matrix(wxyz)
+    assert np.allclose(((local / scales) ** 2).sum(axis=1), 1.25**2)
+
+
+def test_colours_are_the_verdicts(cloister: Published) -> None:
+    trace = cloister.trace
+    assert trace is not None
+    labels = tuple(trace.world.features)
+    states = map_geometry.states(trace, trace.world, labels)
+    accepted = {a.label for a in trace.associations() if a.verdict == "accepted"}
+    assert accepted
+    assert {x for x, s in zip(labels, states, strict=True) if s == "accepted"} == accepted
+    rgb = map_geometry.colours(states)
+    assert (rgb[states.index("accepted")] == C["accepted"]).all()
+
+
+def test_a_half_done_frame_shows_the_gates_verdicts(cloister: Published) -> None:
+    trace = cloister.trace
+    assert trace is not None
+    until = next(i for i, r in enumerate(trace.records) if r.phase == "associate")
+    half = dataclasses.replace(trace, records=trace.records[: until + 1], complete=False)
+    assert half.associations() == ()
+    judged = {a.label for a in trace.records[until].associations}
+    assert judged and set(verdicts.states(half)) == judged
+
+
+def test_correlation_colours_are_canonical_correlations(cloister: Published) -> None:
+    assert cloister.trace is not None
+    world = cloister.trace.world
+    labels = tuple(world.features)
+    rgb = map_geometry.correlation_colours(world, labels[0], labels)
+    assert np.allclose(rgb[0], map_geometry.STRONG), "wholly correlated with itself"
+    blocks = [world.gauss.layout[world.features[x].block].slice for x in labels]
+    rho = largest_canonical_correlations(world.gauss.P, blocks[0], blocks)
+    along = (rgb - map_geometry.WEAK) @ (map_geometry.STRONG - map_geometry.WEAK)
+    assert (np.argsort(along, kind="stable") == np.argsort(rho, kind="stable")).all()
+
+
+def cloud_of(labels: list[int]) -> Cloud:
+    n = len(labels)
+    at = np.array(labels, dtype=float)[:, None] * np.ones(3)
+    wxyz = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+    return Cloud(tuple(labels), at, np.ones((n, 3)), wxyz, np.full((n, 2, 3), np.nan))
+
+
+async def ignore(_: Any) -> None: ...
+
+
+def test_a_feature_keeps_its_instance_while_others_come_and_go(server: viser.ViserServer) -> None:
+    layer = Ellipsoids(server, ignore)
+    alive, before = list(range(1, 200)), {}
+    for step in range(30):
+        layer.render(cloud_of(alive), np.zeros((len(alive), 3)))
+        assert {layer.label_at[s]: s for s in layer.label_at} == layer.slots
+        assert set(layer.slots) == set(alive)
+        for label, slot in layer.slots.items():
+            assert before.get(label, slot) == slot
+            assert layer.node.batched_positions[slot, 0] == label
+        used = np.zeros(layer.capacity, dtype=bool)
+        used[list(layer.slots.values())] = True
+        assert (layer.node.batched_scales[~used] == 0).all()
+        before = dict(layer.slots)
+        alive = [x for x in alive if x % 7 != step % 7] + [1000 * (step + 1) + k for k in range(9)]
+
+
+def test_the_node_grows_and_stays_clickable(server: viser.ViserServer) -> None:
+    layer = Ellipsoids(server, ignore)
+    layer.render(cloud_of(list(range(1, 11))), np.zeros((10, 3)))
+    slots = dict(layer.slots)
+    layer.render(cloud_of(list(range(1, 1001))), np.zeros((1000, 3)))
+    assert layer.capacity >= 1000
+    assert {k: layer.slots[k] for k in slots} == slots
+    assert len(set(layer.slots.values())) == 1000
+    assert len(layer.node._impl.click_cb or ()) == 1
+
+
+def test_thinned_paths_keep_their_ends() -> None:
+    path = np.cumsum(RNG.normal(size=(1234, 3)), axis=0)
+    segments = map_geometry.thinned(path, 100)
+    assert len(segments) <= 101
+    assert (segments[0, 0] == path[0]).all() and (segments[-1, 1] == path[-1]).all()
+    assert (segments[1:, 0] == segments[:-1, 1]).all()
+    path[500:600] = np.nan
+    assert np.isfinite(map_geometry.thinned(path, 100)).all()
+    assert map_geometry.thinned(path[:1]).shape == (0, 2, 3)
+
+
+def test_the_view_angle_of_a_pinhole() -> None:
+    sensor = build("cloister").estimator.mounts["camera"].sensor
+    undistorted = np.array([*sensor.calib0[:4], 0.0, 0.0])
+    fov, aspect = map_geometry.view_angle(sensor, undistorted)
+    assert fov == pytest.approx(2 * math.atan(240 / 320))
+    assert aspect == pytest.approx(640 / 480)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        None,
+        "",
+        "[]",
+        "{}",
+        '{"run": "room", "position": [0, 0], "look_at": [1, 1, 1]}',
+        '{"run": "room", "position": [1, 1, 1], "look_at": [1, 1, 1]}',
+        '{"run": "room", "position": ["a", 0, 0], "look_at": [1, 1, 1]}',
+        '{"run": "room", "position": [NaN, 0, 0], "look_at": [1, 1, 1]}',
+        '{"run": "line", "position": [0, 0, 0], "look_at": [1, 1, 1]}',
+    ],
+)
+def test_a_kept_camera_that_does_not_fit_is_forgotten(text: str | None) -> None:
+    assert read_camera(text, "room") is None
+
+
+def test_a_kept_camera_is_read() -> None:
+    text = json.dumps({"run": "room", "position": [0, 1, 2], "look_at": [3, 4, 5]})
+    kept = read_camera(text, "room")
+    assert kept is not None
+    assert kept[0].tolist() == [0, 1, 2] and kept[1].tolist() == [3, 4, 5]
+
+
+def test_the_legend_states_confidence_and_dimension() -> None:
+    assert "95 % in 3-D = 2.80 sigma" in legend_html(Look(), 3)
+    assert "95 % in 2-D = 2.45 sigma" in legend_html(Look(), 2)
+    assert "95 % in 1-D = 1.96 sigma" in legend_html(Look(), 1)
+
+
+def test_linear_colours_keep_black_and_white() -> None:
+    assert linear(np.array([[0, 0, 0], [255, 255, 255]])).tolist() == [[0] * 3, [255] * 3]
