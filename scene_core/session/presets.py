@@ -43,7 +43,7 @@ from scene_core.sources.render import Rendering
 from scene_core.sources.room import TexturedRoom, poster_corners
 from scene_core.sources.simulated import Simulation
 from scene_core.sources.truth import TrueInstrument, TrueMount, TrueRobot
-from scene_core.sources.worlds import Field, Line, ThickCloister
+from scene_core.sources.worlds import Field, Line, ThickCloister, landmarks
 
 DEFAULT = "room"
 EXAMPLE_EDIT = "estimator.policies.selection.budget=6"
@@ -128,7 +128,11 @@ def gyro() -> Experiment:
     hand, dt = HandHeld(), 1.0 / 30.0
     motion = Impulse(sd_accel=hand.sd_accel, sd_ang_accel=hand.sd_ang_accel)
     start, own_axes = hand.start(motion, dt), (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-    felt = {"gyro": Gyro(), "speedometer": Speed()}
+    felt = {"gyro": Gyro(), "speedometer": Speed(sd=0.1)}
+    world = ThickCloister()
+    places = dict(zip(*(a.tolist() for a in landmarks(world)), strict=True))
+    # Three columns in the first view are known: a camera alone can not tell how large the world is.
+    known = tuple(KnownFeature(tuple(places[i]), i, 0.01) for i in (7, 8, 9, 43, 44, 45))
     policies = Policies(
         landmark=InverseDepth(rho_mean=0.2, rho_sd=0.3, pole="z"),
         selection=Selection(budget=8),
@@ -142,10 +146,11 @@ def gyro() -> Experiment:
             mounts={"camera": MountSettings(camera, "hand", own_axes)},
             policies=policies,
             instruments={i: InstrumentSettings("hand", model) for i, model in felt.items()},
+            known=known,
             up="z",
         ),
         source=Simulation(
-            world=ThickCloister(),
+            world=world,
             robots={"hand": TrueRobot(motion, hand, start, HAND_START_SD)},
             mounts={"camera": TrueMount(camera, "hand", own_axes)},
             instruments={i: TrueInstrument("hand", model) for i, model in felt.items()},

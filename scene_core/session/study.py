@@ -20,7 +20,7 @@ from scene_core.session.edits import with_seed
 from scene_core.session.report import report
 from scene_core.session.session import Session
 
-FRAMES = {"room": 900, "cloister": 400, "line": 300, "nomad": 600}
+FRAMES = {"room": 900, "cloister": 400, "gyro": 450, "line": 300, "nomad": 600}
 """How long one run of each scenario is."""
 LIMITS: dict[str, tuple[float, float]] = {"cloister": (0.0, 7.5)}
 """Where the NEES averaged over run and seeds must lie; else the 95 % interval of the mean of as
@@ -136,7 +136,7 @@ def row(s: Study) -> str:
 class Options:
     """Statistics of the scenarios over seeds. Exit code 1 when one is inconsistent."""
 
-    names: tyro.conf.Positional[tuple[str, ...]] = ("cloister", "line", "nomad", "room")
+    names: tyro.conf.Positional[tuple[str, ...]] = ("cloister", "gyro", "line", "nomad", "room")
     """Scenarios."""
     seeds: int = 20
     """Seeds 0 to this, less one."""
