@@ -24,11 +24,13 @@ import numpy as np
 from scene_core.arrays import Mat, Vec
 from scene_core.filter.associate import judge
 from scene_core.filter.gaussian import Rows, Workspace, add_noise, times_Ht, times_P
+from scene_core.filter.joint import odd_ones
 from scene_core.filter.observe import SensorState, groups, observe, rows, sensor_state
 from scene_core.filter.ports import Match
 from scene_core.filter.predict import normalise_robots
 from scene_core.filter.records import Association
 from scene_core.filter.world import Feature, Gaussian, Label, World
+from scene_core.geometry.ellipses import chi2_gate
 
 
 def correct(
@@ -71,6 +73,9 @@ def _stacked(
     if not accepted:
         return
     at, parts, nu, R = _linearised(work, world, mount, accepted)
+    if world.policies.gate.joint and _reject_odd_ones(work, world, (parts, nu, R), verdicts):
+        accepted = {k: m for k, m in accepted.items() if verdicts[k].verdict == "accepted"}
+        at, parts, nu, R = _linearised(work, world, mount, accepted)
     for _ in range(linearisations(world) - 1):
         prior = work.x.copy()
         work.x[at.columns] += _gain_rows(work, parts, R, at.columns) @ nu
@@ -80,6 +85,27 @@ def _stacked(
         nu += times_Ht(moved[None], parts)[0]
         work.x[:] = prior
     work.update(parts, nu, R)
+
+
+def _reject_odd_ones(
+    work: Workspace,
+    world: World,
+    linearised: tuple[list[Rows], Vec, Mat],
+    verdicts: dict[Label, Association],
+) -> bool:
+    """Reject the matches that pass their own gate but disagree with all the others."""
+    parts, nu, R = linearised
+    labels = [k for k, v in verdicts.items() if v.verdict == "accepted"]
+    labels = [label for group in groups(world, labels) for label in group.labels]
+    S = times_Ht(times_P(parts, work.P), parts)
+    add_noise(S, R)
+    nus = nu.reshape(len(labels), -1)
+    gate = chi2_gate(nus.shape[1], world.policies.gate.confidence)
+    odd = odd_ones(nus, S, gate)
+    for row, d2 in odd:
+        why = f"disagrees with the other matches: d2 = {d2:.1f} > {gate:.2f} given them"
+        verdicts[labels[row]] = replace(verdicts[labels[row]], verdict="rejected", why=why)
+    return bool(odd)
 
 
 def linearisations(world: World) -> int:

@@ -28,6 +28,9 @@ class Gate:
     confidence: float = param(0.99, lo=0.5, hi=0.999999, soft=(0.9, 0.999), label="Confidence")
     """A match is accepted when d2 = nu' S^-1 nu lies below the chi-square quantile of this
     probability, with as many degrees of freedom as the measurement has numbers."""
+    joint: bool = param(False, label="Joint")
+    """Judge every match once more by all the others of its frame (stacked and iterated updates):
+    one that slid along an edge may lie near its prediction and still disagree with the rest."""
 
 
 @dataclass(frozen=True)
