@@ -53,6 +53,15 @@ class _Rows:
     """(N, n) rows of the state."""
 
 
+def _identity(model: FeatureModel) -> object:
+    """Equal models go through in one call; one that can not be compared goes by itself."""
+    try:
+        hash(model)
+    except TypeError:
+        return id(model)
+    return type(model), model
+
+
 class Clouds:
     """Clouds of successive worlds; remembers where the features are while the layout stays."""
 
@@ -63,19 +72,17 @@ class Clouds:
     def _rows_of(self, world: World) -> list[_Rows]:
         if world.gauss.layout is self._layout:
             return self._rows
-        groups: dict[int, list[tuple[Label, int]]] = {}
-        models: dict[int, FeatureModel] = {}
+        groups: dict[object, tuple[FeatureModel, list[tuple[Label, int]]]] = {}
         for label, f in world.features.items():
-            models[id(f.model)] = f.model
             at = world.gauss.layout[f.block].start
-            groups.setdefault(id(f.model), []).append((label, at))
+            groups.setdefault(_identity(f.model), (f.model, []))[1].append((label, at))
         self._rows = [
             _Rows(
-                models[key],
+                model,
                 tuple(label for label, _ in members),
-                np.array([at for _, at in members])[:, None] + np.arange(models[key].state_size),
+                np.array([at for _, at in members])[:, None] + np.arange(model.state_size),
             )
-            for key, members in groups.items()
+            for model, members in groups.values()
         ]
         self._layout = world.gauss.layout
         return self._rows

@@ -18,6 +18,7 @@ from scene_core.arrays import Vec
 from scene_core.filter.ports import Image
 from scene_core.filter.records import Trace
 from scene_core.filter.world import Label, World
+from scene_core.models.base import Sensor
 from scene_core.session.published import Published
 from web_panels import map_geometry as geo
 from web_panels import viser_hooks
@@ -215,8 +216,8 @@ class Selected:
             words = {"nomatch": "no match", "unselected": "not selected", "out": "out of view"}
             texts["selected"] = (f"{selected} {words.get(states[i], states[i])}", at)
         if near:
-            seen = [k for k, s in enumerate(states) if s != "out" and k != i]
-            seen.sort(key=lambda k: float(np.sum((cloud.positions[k] - eye) ** 2)))
+            away = np.linalg.norm(cloud.positions - eye, axis=1)
+            seen = [k for k in np.argsort(away) if states[k] != "out" and k != i]
             for n, k in enumerate(seen[: self.NEAR]):
                 texts[f"near{n}"] = (str(cloud.labels[k]), cloud.positions[k])
         self._write(texts)
@@ -268,6 +269,7 @@ class Robots:
         }
         self.frusta: dict[str, viser.CameraFrustumHandle] = {}
         self.shown: dict[str, np.ndarray] = {}
+        self.angles: dict[str, tuple[Sensor, Vec, tuple[float, float]]] = {}
 
     def render(self, p: Published, world: World, truth: bool) -> None:
         for name, body in self.bodies.items():
@@ -295,7 +297,7 @@ class Robots:
         self.headings[name].points = np.array([[pose[:3], tip]], dtype=np.float32)
 
     def _render_camera(self, world: World, mount: str) -> None:
-        fov, aspect = geo.view_angle(world.mounts[mount].sensor, world.mount_calib(mount))
+        fov, aspect = self.view_angle(world, mount)
         pose = geo.mount_pose(world, mount)
         node = self.frusta.get(mount)
         if node is None:
@@ -314,6 +316,14 @@ class Robots:
             return
         node.fov, node.aspect = fov, aspect
         node.position, node.wxyz = pose[:3], pose[3:]
+
+    def view_angle(self, world: World, mount: str) -> tuple[float, float]:
+        """Field of view and aspect of a camera, worked out when its calibration has moved."""
+        sensor, k = world.mounts[mount].sensor, world.mount_calib(mount)
+        known = self.angles.get(mount)
+        if known is None or known[0] is not sensor or not np.array_equal(known[1], k):
+            known = self.angles[mount] = (sensor, k, geo.view_angle(sensor, k))
+        return known[2]
 
     @property
     def frustum_names(self) -> tuple[str, ...]:

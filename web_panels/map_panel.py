@@ -25,7 +25,8 @@ from web_panels.map_layers import (
 )
 from web_panels.panel import Page, Post
 
-IMAGE_HZ, PATH_HZ, CORRELATION_HZ = 12.0, 10.0, 4.0
+IMAGE_HZ, SLOW_HZ, CORRELATION_HZ = 12.0, 10.0, 4.0
+"""Pictures on frusta; paths, rings and labels; colours by correlation."""
 
 
 class MapPanel:
@@ -58,7 +59,8 @@ class MapPanel:
         self.robots = Robots(scene, world, size)
         self.selected = Selected(scene)
         self.cameras.place(p.experiment.name, bounds, world.up)
-        self.images_due = self.paths_due = self.correlation_due = 0.0
+        self.images_due = self.slow_due = self.correlation_due = 0.0
+        self.chosen: int | None = None
         self.correlation: tuple[object, ...] = ()
         self.rgb = np.zeros((0, 3))
 
@@ -107,11 +109,11 @@ class MapPanel:
             self.sightings.render(trace, world, cloud, look.rays)
             self.robots.render(p, world, look.truth)
             self.robots.show(images)
-            self.selected.render(cloud, states, p.selected, robot[:3], look.labels)
             self.true_landmarks.render(trace, world, look.truth)
             self.ground.room.visible = look.room
-            if still or now >= self.paths_due:
-                self.paths_due = now + 1.0 / PATH_HZ
+            if still or now >= self.slow_due or p.selected != self.chosen:
+                self.slow_due, self.chosen = now + 1.0 / SLOW_HZ, p.selected
+                self.selected.render(cloud, states, p.selected, robot[:3], look.labels)
                 self.paths.render(p, look.trajectories, look.truth)
         self._move_cameras(world, robot[:3], self._seen(cloud, robot[:3]))
 
@@ -121,7 +123,7 @@ class MapPanel:
         for name, mount in world.mounts.items():
             if mount.sensor.pane == "image":
                 eye = geo.mount_pose(world, name)
-                self.cameras.eye_fov = geo.view_angle(mount.sensor, world.mount_calib(name))[0]
+                self.cameras.eye_fov = self.robots.view_angle(world, name)[0]
                 break
         self.cameras.in_the_way = self.robots.frustum_names
         self.cameras.move(robot, eye, bounds)
