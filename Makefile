@@ -40,7 +40,7 @@ bench: $(ENV)
 	@$(PY) -m benchmarks $(ARGS)
 
 consistency: $(ENV)
-	@$(PY) -m benchmarks.consistency $(ARGS)
+	@$(PY) -m scene_core.session.study $(ARGS)
 
 check: $(DEV)
 	$(PY) -m ruff check .

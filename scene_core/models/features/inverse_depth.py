@@ -26,6 +26,10 @@ _AXES = {"z": (0, 1, 2), "y": (2, 0, 1)}
 _IDENTITY = np.eye(6)
 
 
+EUCLIDEAN = EuclideanPoint()
+"""One value for all conversions, so that converted features go through the chain together."""
+
+
 @dataclass(frozen=True)
 class InverseDepth(FeatureModel):
     """An anchor, a direction and an inverse distance: X = (rho x0 + m(pitch, yaw), rho)
@@ -70,7 +74,7 @@ class InverseDepth(FeatureModel):
     """The uncertain depth is drawn no farther than this."""
 
     def successor(self) -> FeatureModel:
-        return EuclideanPoint()
+        return EUCLIDEAN
 
     def prior(self) -> tuple[Vec, Mat]:
         return np.array([self.rho_mean]), np.array([[self.rho_sd**2]])

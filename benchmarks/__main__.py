@@ -1,0 +1,16 @@
+"""All benchmarks: `python -m benchmarks [--soak MINUTES]`."""
+
+from __future__ import annotations
+
+import sys
+
+from threadpoolctl import threadpool_limits
+
+from benchmarks import frames, page
+from benchmarks.figures import machine
+
+threadpool_limits(1)
+print(machine())
+frames.main()
+page.main(sys.argv[1:])
+print(machine())
