@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import cv2
@@ -24,7 +25,7 @@ VISION = Vision()
 
 def query(
     h: np.ndarray,
-    patches: list[object],
+    patches: Sequence[object],
     S: float | np.ndarray = 2.0,
     warp: np.ndarray | None = None,
 ) -> Query:
