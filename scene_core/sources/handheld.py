@@ -19,28 +19,33 @@ from scene_core.sources.drivers import Drive, Driver
 
 PLACES = (
     (0.00, 0.55, 1.40),
-    (0.15, 0.50, 1.46),
-    (0.75, 0.35, 1.42),
-    (0.95, -0.05, 1.50),
-    (0.70, -0.50, 1.44),
-    (0.05, -0.60, 1.40),
-    (-0.65, -0.45, 1.50),
-    (-0.95, 0.00, 1.44),
-    (-0.75, 0.40, 1.36),
-    (-0.20, 0.55, 1.40),
+    (0.35, 0.45, 1.46),
+    (0.70, 0.20, 1.42),
+    (0.85, -0.20, 1.50),
+    (0.60, -0.60, 1.44),
+    (0.15, -0.75, 1.40),
+    (-0.30, -0.60, 1.48),
+    (-0.65, -0.30, 1.42),
+    (-0.85, 0.10, 1.36),
+    (-0.70, 0.45, 1.44),
+    (-0.35, 0.60, 1.46),
 )
+"""Once round the middle of the room."""
 TARGETS = (
     (0.00, 2.50, 1.35),
-    (0.25, 2.50, 1.30),
-    (1.90, 2.20, 1.25),
-    (3.00, 0.20, 1.25),
-    (2.60, -1.90, 1.25),
-    (0.30, -2.50, 1.20),
-    (-2.20, -2.20, 1.25),
-    (-3.00, 0.10, 1.30),
-    (-2.40, 1.90, 1.15),
-    (-0.60, 2.50, 1.35),
+    (1.40, 2.50, 1.30),
+    (2.60, 1.90, 1.20),
+    (3.00, 0.00, 1.25),
+    (2.20, -2.20, 1.25),
+    (3.00, -0.30, 1.20),
+    (1.70, 2.30, 1.25),
+    (-0.90, 2.50, 1.30),
+    (-2.60, 1.90, 1.15),
+    (-3.00, 0.40, 1.30),
+    (-2.10, 2.20, 1.30),
 )
+"""From the poster to the right as far as the patterned wall, to the left as far as the window, and
+back to the poster."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +72,7 @@ class HandHeld(Driver):
         2.0, unit="rad/s²", lo=0.0, hi=100.0, soft=(0.1, 10.0), label="Angular acceleration"
     )
     """The same of the angular acceleration."""
-    lap: float = param(30.0, unit="s", lo=1.0, hi=1e4, soft=(10.0, 120.0), effect="on reset")
+    lap: float = param(33.0, unit="s", lo=1.0, hi=1e4, soft=(10.0, 120.0), effect="on reset")
     """Time for one round."""
     hold_place: float = param(1.0, unit="1/s", lo=0.05, hi=20.0, soft=(0.2, 4.0))
     """How firmly the hand keeps to its way: natural frequency f of the return to it."""

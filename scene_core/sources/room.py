@@ -75,7 +75,7 @@ class TexturedRoom(SimulatedWorld):
 
     name: ClassVar[str] = "room"
     space: ClassVar[Space] = THREE_D
-    pattern: float = param(0.22, unit="m", lo=0.05, hi=1.0, effect="on reset", label="Pattern")
+    pattern: float = param(0.14, unit="m", lo=0.05, hi=1.0, effect="on reset", label="Pattern")
     """Period of the repeated pattern on the wallpapered wall."""
 
     def points(self) -> tuple[np.ndarray, Vec]:

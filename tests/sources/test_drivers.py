@@ -55,7 +55,7 @@ def test_waypoints_are_visited_in_order_for_ever() -> None:
 def test_a_hand_accelerates_as_the_estimator_believes(sd: tuple[float, float]) -> None:
     hand = HandHeld(sd_accel=sd[0], sd_ang_accel=sd[1])
     robot = TrueRobot(Impulse(), hand)
-    xv = states(Simulation(ThickCloister(), {"r": robot}, {}, dt=DT, seed=2), "r", 1800)
+    xv = states(Simulation(ThickCloister(), {"r": robot}, {}, dt=DT, seed=2), "r", 1980)
     rates = np.diff(xv[:, 7:], axis=0) / DT
     rms = np.sqrt((rates**2).mean(0))
     np.testing.assert_allclose(rms, np.repeat(sd, 3), rtol=0.1)
@@ -66,9 +66,9 @@ def test_a_hand_accelerates_as_the_estimator_believes(sd: tuple[float, float]) -
 def test_a_hand_comes_back_to_where_it_started() -> None:
     hand = HandHeld()
     robot = TrueRobot(Impulse(), hand)
-    xv = states(Simulation(ThickCloister(), {"r": robot}, {}, dt=DT), "r", 2 * 900 + 1)
+    xv = states(Simulation(ThickCloister(), {"r": robot}, {}, dt=DT), "r", 2 * 990 + 1)
     start = hand.start(Impulse(), DT)
-    for lap in (900, 1800):
+    for lap in (990, 1980):
         assert np.linalg.norm(xv[lap, :3] - [start[s] for s in "xyz"]) < 0.6
         assert abs(xv[lap, 3:7] @ [start[s] for s in ("qw", "qx", "qy", "qz")]) > np.cos(0.2)
     assert np.ptp(xv[:, 0]) > 1.5
