@@ -7,7 +7,7 @@ Frame 0 is measured at the start, with dt = 0 and no controls.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -22,17 +22,17 @@ from scene_core.filter.ports import (
     Image,
     Match,
     Occupied,
-    Points,
     Query,
     Raw,
     SourceError,
     Truth,
 )
 from scene_core.geometry import quaternion
-from scene_core.geometry.spaces import Space, embed, embed_points
+from scene_core.geometry.spaces import embed, embed_points
 from scene_core.models.base import Sensor
 from scene_core.params import param
 from scene_core.sources import noise, pictures, points
+from scene_core.sources.identified import Outlook
 from scene_core.sources.render import Rendering
 from scene_core.sources.room import Surface, TexturedRoom
 from scene_core.sources.truth import (
@@ -103,10 +103,13 @@ class Simulation:
         if isinstance(raw, Image):
             sensor, calib, pose = self._camera(query.mount, self.true_states(frame))
             return pictures.searched(raw, query, vision, sensor, calib, pose)
-        truth = self._true_measurements(frame, query)
+        outlook = self.outlook(query.mount, self.true_states(frame))
+        row = {int(identity): k for k, identity in enumerate(outlook.ids)}
         return [
-            match if match.z is None else replace(match, true_z=z)
-            for match, z in zip(points.match_identities(raw, query), truth, strict=True)
+            match if match.z is None else replace(match, true_z=outlook.h[row[int(identity)]])
+            for match, identity in zip(
+                points.match_identities(raw, query), query.appearance, strict=True
+            )
         ]
 
     def detect(
@@ -163,6 +166,10 @@ class Simulation:
         if motion.space is not space:
             xp = embed(xp, motion.space, self.up)[0]
         return space.compose(xp, np.array(m.pose, dtype=float)).x
+
+    def outlook(self, mount: str, xv: Mapping[str, Vec]) -> Outlook:
+        """The landmarks as a sensor truly sees them when the robots are at xv."""
+        return Outlook(self.world, self.up, *self._camera(mount, xv))
 
     def true_calib(self, mount: str) -> Vec:
         """True calibration of a sensor."""
@@ -247,7 +254,9 @@ class Simulation:
     def _measured(self, mount: str, state: SimulationState, index: int) -> Raw:
         sensor, calib, now = self._camera(mount, state.xv)
         if self.rendering is None or sensor.pane != "image":
-            return self._identified(mount, state, index)
+            return self.outlook(mount, state.xv).measured(
+                self.disturbances, (self.seed, mount, index)
+            )
         return pictures.photographed(
             self._room(),
             sensor,
@@ -257,71 +266,6 @@ class Simulation:
             self.rendering,
             (self.seed, f"image:{mount}", index),
         )
-
-    def _identified(self, mount: str, state: SimulationState, index: int) -> Points:
-        """Noisy measurements of the landmarks that are truly visible, with their identities."""
-        sensor, ids = self.mounts[mount].sensor, landmarks(self.world)[0]
-        h, fault = self._projected(mount, state.xv)
-        there = np.flatnonzero(fault == 0)
-        pick = noise.rng(self.seed, f"misses:{mount}", index).random(len(ids))
-        there = there[pick[there] >= self.disturbances.misses]
-        X = self._in_sensor(mount, state.xv)[there]
-        rng = noise.rng(self.seed, f"measurements:{mount}", index)
-        z = sensor.h_noisy(X, self.true_calib(mount), rng) if len(there) else h[there]
-        z = self._with_outliers(mount, h[there], z, there, index)
-        z = sensor.nu(np.zeros_like(z), z).nu
-        low, high = np.array(sensor.limits).T
-        inside = ((z >= low) & (z <= high)).all(axis=1)
-        return Points(frozen(z[inside]), _read_only(ids[there][inside]))
-
-    def _with_outliers(self, mount: str, h: Vec, z: Vec, there: np.ndarray, index: int) -> Vec:
-        wrong = self.disturbances
-        if wrong.outliers == 0.0 or len(z) == 0:
-            return z
-        rng = noise.rng(self.seed, f"outliers:{mount}", index)
-        count = len(landmarks(self.world)[0])
-        hit = (rng.random(count) < wrong.outliers)[there]
-        way = rng.standard_normal((count, h.shape[1]))
-        way *= (rng.uniform(0.5, 1.5, count) / np.linalg.norm(way, axis=1))[:, None]
-        L = np.linalg.cholesky(
-            np.broadcast_to(self.mounts[mount].sensor.R(h), (*z.shape, z.shape[1]))
-        )
-        far = h + wrong.outlier_sigma * (L @ way[there][..., None])[..., 0]
-        return np.where(hit[:, None], far, z)
-
-    def _in_sensor(self, mount: str, xv: Mapping[str, Vec]) -> Vec:
-        """All landmarks as homogeneous points (K, d+1) in the frame of a sensor."""
-        space = self.mounts[mount].sensor.space
-        return space.to_local(self.true_pose(mount, xv), self._landmarks(space)).X
-
-    def _landmarks(self, space: Space) -> Vec:
-        """All landmarks as homogeneous points (K, d+1) of the world."""
-        at = landmarks(self.world)[1]
-        if self.world.space is not space:
-            if self.world.space.d > space.d:
-                raise SourceError(
-                    f"the world '{self.world.name}' is {self.world.space.name} and can not be seen "
-                    f"by a {space.name} sensor: choose a {self.world.space.name} sensor"
-                )
-            at = embed_points(at, self.world.space, self.up)
-        return np.concatenate([at, np.ones((len(at), 1))], axis=1)
-
-    def _projected(self, mount: str, xv: Mapping[str, Vec]) -> tuple[Vec, np.ndarray]:
-        """True measurements h (K, m) of all landmarks, and why some can not be measured."""
-        sensor, xws = self.mounts[mount].sensor, self.true_pose(mount, xv)
-        X = self._in_sensor(mount, xv)
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            h = sensor.project(X, self.true_calib(mount)).h
-            here = np.broadcast_to(xws, (len(X), len(xws)))
-            fault = sensor.visibility(h, X, xws, here, self._landmarks(sensor.space))
-        return h, np.where(np.isfinite(h).all(axis=1), fault, 1)
-
-    def _true_measurements(self, frame: Frame, query: Query) -> Iterator[Vec | None]:
-        """Where the queried identities really are in the sensor; None for an unknown one."""
-        h, _ = self._projected(query.mount, self.true_states(frame))
-        row = {int(i): r for r, i in enumerate(landmarks(self.world)[0])}
-        for identity in query.appearance:
-            yield h[row[identity]] if identity in row else None
 
     def _felt(self, name: str, state: SimulationState, index: int) -> Vec:
         """An internal measurement of the true state."""

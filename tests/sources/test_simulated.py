@@ -118,7 +118,7 @@ def test_measurements_scatter_with_the_sensors_noise() -> None:
     inner = [k for k in range(1, 73) if all(k in r.ids for r in raw)]  # type: ignore[operator]
     assert len(inner) > 5
     z = np.array([[r.z[list(r.ids).index(k)] for k in inner] for r in raw])  # type: ignore[arg-type]
-    h, _ = simulation._projected("c", simulation.start().xv)
+    h = simulation.outlook("c", simulation.start().xv).h
     nu = (z - h[np.array(inner) - 1]).reshape(-1, 2)
     assert np.abs(nu.mean(0)).max() < 4 / np.sqrt(len(nu))
     np.testing.assert_allclose(np.cov(nu.T), CAMERA.sd_px**2 * np.eye(2), atol=0.1)
@@ -153,7 +153,7 @@ def test_a_match_knows_where_its_landmark_really_is() -> None:
     raw = frame.raw["c"]
     assert isinstance(raw, Points) and raw.ids is not None
     matches = simulation.search(frame, query(raw, [*raw.ids.tolist(), 999]), Vision())
-    h, _ = simulation._projected("c", state.xv)
+    h = simulation.outlook("c", state.xv).h
     for match, identity in zip(matches, raw.ids, strict=False):
         assert match.true_z is not None
         np.testing.assert_allclose(match.true_z, h[identity - 1])
