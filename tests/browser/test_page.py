@@ -12,7 +12,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from scene_core.geometry import quaternion
-from scene_core.session.commands import Select, Transport
+from scene_core.session.commands import Select, SetSpeed, Transport
 from scene_core.session.presets import build
 from scene_core.session.published import Published
 from scene_core.session.runner import Runner
@@ -21,7 +21,9 @@ from web_panels import gate
 from web_panels.map_geometry import Clouds
 from web_panels.view_loop import ViewLoop
 
-FRAMES = 150
+FRAMES = 30
+CONVERGED = 150
+"""Frames after which ellipsoids are small enough to be hit one by one."""
 
 
 @dataclass
@@ -191,6 +193,11 @@ def test_click_a_feature_in_the_image(site: Site, shown: Page) -> None:
 
 
 def test_click_a_feature_in_the_map(site: Site, shown: Page) -> None:
+    for command in (SetSpeed(float("inf")), Transport("play")):
+        site.runner.post(command)
+    assert wait(lambda: frame(site) >= CONVERGED)
+    site.runner.post(Transport("pause"))
+    assert wait(lambda: site.latest.mode == "paused")
     shown.wait_for_timeout(1500)
     label, (x, y) = _most_isolated(site, shown)
     shown.mouse.click(x, y)
