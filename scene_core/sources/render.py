@@ -27,7 +27,7 @@ _PAD = 4
 """Texels by which a texture is continued in the atlas, at every level."""
 _CELL = 16
 """Pixels between the rays of the coarse grid that tells which surfaces are in view."""
-_STEP = 0.7
+_STEP = 1.0
 """Pixels between the images an exposure is made of."""
 _MAX_SAMPLES = 12
 
