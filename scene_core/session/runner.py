@@ -25,6 +25,7 @@ from scene_core.session.roles import role_options
 from scene_core.session.session import Session
 
 PUBLISH_HZ = 60.0
+LEAST_SPEED = 1e-3
 LATE_S = 0.25
 """A run that is later than this gives up catching up: the real-time factor says so."""
 
@@ -106,9 +107,9 @@ class Runner:
             case Transport(action="play"):
                 self._set_playing(True)
             case Transport(action="pause"):
-                self._set_playing(False)
+                self._pause()
             case Transport(action="toggle"):
-                self._set_playing(self._mode != "playing")
+                self._pause() if self._mode == "playing" else self._set_playing(True)
             case Transport(action="reset"):
                 if self._guarded(lambda: self._session.apply(command)):
                     self._mode = "paused" if self._mode == "finished" else self._mode
@@ -126,13 +127,22 @@ class Runner:
                 self._guarded(lambda: self._session.apply(command, playing))
         self._publish()
 
+    def _pause(self) -> None:
+        """Stop at the end of the frame that is under way: what stays on the page is complete."""
+        if self._mode == "playing" and self._session.half_stepped:
+            if not self._guarded(self._session.advance, True):
+                return
+        self._set_playing(False)
+
     def _set_playing(self, playing: bool) -> None:
         self._mode = "playing" if playing else "paused"
         self._pace = Pace()
 
     def _set_speed(self, factor: float) -> None:
-        if not factor > 0:
-            self._session.message = f"speed {factor:g}: give a factor above 0; 1 is real time"
+        if not factor >= LEAST_SPEED:
+            self._session.message = (
+                f"speed {factor:g}: give a factor of at least {LEAST_SPEED:g}; 1 is real time"
+            )
             return
         self._speed = factor
         self._pace = Pace()

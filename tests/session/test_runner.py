@@ -80,6 +80,20 @@ def test_play_pause_and_steps(runner: Runner) -> None:
     assert wait(runner, lambda q: q.trace is None).run == p.run + 1
 
 
+def test_a_pause_shows_a_complete_frame(runner: Runner) -> None:
+    runner.post(SetSpeed(math.inf))
+    for action in ("pause", "toggle") * 6:
+        before = frame(runner.latest)
+        runner.post(Transport("play"))
+        wait(runner, lambda p, before=before: p.mode == "playing" and frame(p) > before)
+        runner.post(Transport(action))
+        p = wait(runner, lambda p: p.mode == "paused")
+        assert p.trace is not None and p.trace.complete
+    runner.post(Transport("step phase"))
+    p = wait(runner, lambda p: p.trace is not None and not p.trace.complete)
+    assert p.trace is not None and len(p.trace.records) == 1
+
+
 def test_what_was_published_while_playing_equals_a_batch_run(runner: Runner) -> None:
     runner.post(SetSpeed(math.inf))
     runner.post(Transport("play"))
@@ -123,6 +137,7 @@ def test_a_refused_command_is_a_message_and_nothing_stops(runner: Runner) -> Non
         LoadPreset("no such"),
         LoadPreset("mrclam"),
         SetSpeed(0.0),
+        SetSpeed(1e-300),
         SetSpeed(math.nan),
     ):
         before = runner.latest.seq
