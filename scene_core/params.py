@@ -11,7 +11,7 @@ import ast
 import dataclasses
 import inspect
 import itertools
-import math
+import sys
 import textwrap
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
@@ -175,8 +175,9 @@ def check_value(path: str, value: Any, old: Any, meta: Mapping[str, Any]) -> Any
 def _number(path: str, value: Any, kind: type, meta: Mapping[str, Any], unit: str) -> Any:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise ParamError(f"{path} = {value!r}: give a number{unit and ' in' + unit}")
-    if not math.isfinite(value):
-        raise ParamError(f"{path} = {value}: give a finite number")
+    if not abs(value) <= sys.float_info.max:
+        shown = value if isinstance(value, float) else "an integer of that size"
+        raise ParamError(f"{path} = {shown}: give a finite number")
     lo, hi = meta["lo"], meta["hi"]
     if (lo is not None and value < lo) or (hi is not None and value > hi):
         low = "-inf" if lo is None else f"{lo:g}"

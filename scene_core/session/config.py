@@ -73,7 +73,8 @@ class EstimatorSettings:
     policies: Policies
     instruments: Mapping[str, InstrumentSettings] = field(default_factory=dict)
     known: tuple[KnownFeature, ...] = ()
-    up: str = "z"
+    up: Literal["y", "z"] = "z"
+    """Which axis of the world points up."""
 
 
 @dataclass(frozen=True)
@@ -86,8 +87,9 @@ class Experiment:
     estimator: EstimatorSettings
     source: Source
     """A frozen dataclass: Simulation, ImageSequence, Mrclam. Its parameters are the Truth tab."""
-    seed: int = 0
-    frames: int | None = None
+    seed: int = param(0, lo=0, hi=2**31 - 1)
+    """Every random number of a run follows from it."""
+    frames: int | None = param(None, lo=1)
     """Stop here; None: when the source ends."""
     align: Literal["none", "se2", "se3", "sim3"] = "none"
     """How the estimate is brought into the axes of the reference before errors are taken: a

@@ -352,7 +352,7 @@ def images(
         mounts={source.mount: MountSettings(sensor, source.robot, known.pose)},
         policies=policies,
         known=tuple(KnownFeature(k.position, k.patch, k.sd) for k in known.known),
-        up=known.up,
+        up="y" if known.up == "y" else "z",
     )
     estimator = _with_settings(estimator, known, calibration)
     about = f"{ABOUT['images']} Here: {Path(path).name}."

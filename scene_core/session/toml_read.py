@@ -75,7 +75,7 @@ def _object(hint: Any, value: Any, at: Place) -> Any:
     if found is not None:
         key, classes = found
         name = value.pop(key, None)
-        if name not in classes:
+        if not isinstance(name, str) or name not in classes:
             raise at.error(f"{key} = {name!r}: choose one of {', '.join(classes)}")
         hint = classes[name]
     hints = get_type_hints(hint)
