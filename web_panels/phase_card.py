@@ -225,6 +225,15 @@ def _gated(associations: tuple[Association, ...]) -> str:
     return _table(rows) + _more(len(judged))
 
 
+def _odd_ones(associations: tuple[Association, ...]) -> str:
+    """Those that passed their own gate and were left out because of the others."""
+    return "".join(
+        f'<tr><td>{a.label}</td><td style="color:{HEX["rejected"]}">{escape(a.why)}</td></tr>'
+        for a in associations
+        if a.verdict == "rejected" and a.d2 is not None and a.gate is not None and a.d2 < a.gate
+    )
+
+
 def _associate(record: PhaseRecord, before: World, trace: Trace) -> str:
     nu, S = mm.symbol("ν", True), mm.symbol("S", True)
     E, R = mm.symbol("E", True), mm.symbol("R", True)
@@ -261,6 +270,7 @@ def _update(record: PhaseRecord, before: World, trace: Trace) -> str:
     return (
         equations
         + _line(f"{len(used)} matches, {kind}, ‖ν‖ = {number(size)}{unit}.")
+        + _table(_odd_ones(record.associations))
         + tables
         + _numbers(record.numbers, ("accepted",))
     )

@@ -200,6 +200,14 @@ def _judged(sensor: Sensor, a: Association, match: Match | None, at: str, trace:
             a.verdict,
             f"{at}. {searched}The match lies {sigmas}, {gate}: it is in the update.{known}",
         )
+    redo = "press <kbd>R</kbd> to redo the frame after changing the gate"
+    if a.d2 < a.gate:
+        return Story(
+            state,
+            a.verdict,
+            f"{at}. {searched}The match lies {sigmas}, {gate}, but it {escape(a.why)}. It is left "
+            f"out of this update; {redo}.{known}",
+        )
     guess = ""
     if match is not None and match.runner_up is not None:
         if match.score - match.runner_up < CLOSE_PEAKS:
@@ -208,7 +216,7 @@ def _judged(sensor: Sensor, a: Association, match: Match | None, at: str, trace:
         state,
         a.verdict,
         f"{at}. {searched}The match lies {sigmas}{guess}. {gate}, so it is left out of this "
-        f"update; press <kbd>R</kbd> to redo the frame after changing the gate.{known}",
+        f"update; {redo}.{known}",
     )
 
 

@@ -21,7 +21,9 @@ from tests.web.traces import (
     until,
 )
 from web_panels import story as story_module
+from web_panels.phase_card import card_html
 from web_panels.story import interesting, place, story
+from web_panels.style import escape
 
 
 @pytest.mark.parametrize("fault", list(FAULT_WORDS))
@@ -57,6 +59,17 @@ def test_rejected_is_left_out_and_can_be_redone():
     assert "d2 = 12.4 &gt; 9.00" in told.text
     assert "<kbd>R</kbd>" in told.text and "left out" in told.text
     assert "repeated" not in told.text
+
+
+def test_a_match_rejected_by_the_others_is_not_said_to_be_outside_its_own_gate():
+    a = accepted(cloister())
+    why = "disagrees with the other matches: d2 = 31.0 > 9.21 given them"
+    trace = judged(cloister(), a.label, verdict="rejected", d2=1.5, why=why)
+    told = story(trace, MOUNT, a.label)
+    assert told.state == "rejected"
+    assert "d2 = 1.5 &lt; 9.00" in told.text and escape(why) in told.text
+    assert ", so it is left out" not in told.text
+    assert escape(why) in card_html(until(trace, "update"))
 
 
 @pytest.mark.parametrize(("runner_up", "suspicious"), [(0.88, True), (0.5, False), (None, False)])
