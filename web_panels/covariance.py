@@ -14,7 +14,7 @@ import numpy as np
 import viser
 
 from scene_core.arrays import Mat
-from scene_core.filter.world import World
+from scene_core.filter.world import Gaussian, World
 from scene_core.geometry.correlation import (
     block_correlations,
     correlation,
@@ -263,7 +263,7 @@ class Covariance:
 
     def __init__(self, page: Page) -> None:
         self.page = page
-        self._key: tuple | None = None
+        self._shown: tuple[Gaussian | None, int | None] = (None, None)
 
     def build(self, server: viser.ViserServer, post: Post) -> None:
         self.head = server.gui.add_html(block("No state yet: press <kbd>Space</kbd>."))
@@ -275,10 +275,10 @@ class Covariance:
         if p.trace is None:
             return
         world = p.trace.world
-        key = (id(world.gauss), p.selected)
-        if key == self._key:
+        gauss, selected = self._shown
+        if world.gauss is gauss and p.selected == selected:
             return
-        self._key = key
+        self._shown = (world.gauss, p.selected)
         table = table_of(world, p.selected)
         self.image.image = picture(table, p.selected)
         self.others.content = others_html(world, p.selected)

@@ -36,6 +36,8 @@ class Inspector:
     def __init__(self, page: Page) -> None:
         self.page = page
         self._key: tuple | None = None
+        self._trace: Trace | None = None
+        """The one that is shown: as long as it is kept, no other has its id."""
         self._auto: int | None = None
         self._since = 0.0
         self._run = -1
@@ -50,7 +52,7 @@ class Inspector:
         label = self._label(p, trace)
         key = (p.run, id(trace), label, p.selected)
         if key != self._key:
-            self._key = key
+            self._key, self._trace = key, trace
             self.html.content = inspector_html(trace, label, own_choice=p.selected is None)
 
     def _label(self, p: Published, trace: Trace) -> int | None:

@@ -10,6 +10,7 @@ import numpy as np
 import viser
 
 from scene_core.arrays import Vec
+from scene_core.filter.records import Trace
 from scene_core.session.published import Published, RobotSeries, Series
 from web_panels.panel import Page, Post
 from web_panels.style import HEX, PHASES, UPLOT_AXIS, shown
@@ -99,6 +100,13 @@ class Plots:
     def __init__(self, page: Page) -> None:
         self.page = page
         self._key: tuple | None = None
+        self._trace: Trace | None = None
+        """The one that is shown: as long as it is kept, no other has its id."""
+
+    @property
+    def restless(self) -> bool:
+        """Another curve was chosen; the session need not have moved."""
+        return self._key is None
 
     def build(self, server: viser.ViserServer, post: Post) -> None:
         gui = server.gui
@@ -126,7 +134,7 @@ class Plots:
         key = (p.run, n, None if n == 0 else s.frames[-1], id(p.trace))
         if key == self._key:
             return
-        self._key = key
+        self._key, self._trace = key, p.trace
         if n < 2:
             self.note.content = (
                 '<div class="e d">Curves start with the second frame: press <kbd>Space</kbd>.</div>'

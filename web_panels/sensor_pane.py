@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import viser
 
+from scene_core.filter.records import Trace
 from scene_core.models.base import Sensor
 from scene_core.session.commands import InitialiseAt, Select
 from scene_core.session.published import Published
@@ -57,6 +58,8 @@ class SensorPane:
         self.chart_for, self.about, self.empty = chart_for, about, empty
         self.shown: OrderedDict[int, tuple[list[Shape], Chart]] = OrderedDict()
         self._key: tuple | None = None
+        self._trace: Trace | None = None
+        """The one that is drawn: as long as it is kept, no other has its id."""
         self._run: int | None = None
         self._selected: int | None = None
         self._texts: tuple[str, str] = ("", "")
@@ -83,6 +86,7 @@ class SensorPane:
             if scene is not None and (scene.raw is not None or not self.shown):
                 self._draw(p, scene)
             self._key, self._run, self._selected = key, p.run, p.selected
+            self._trace = trace
         self._caption(p)
 
     def _draw(self, p: Published, scene: Scene) -> None:

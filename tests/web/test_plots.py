@@ -86,6 +86,14 @@ def test_small_lengths_are_in_millimetres_and_angles_in_degrees():
     np.testing.assert_allclose(curves["error"], np.degrees(0.02))
 
 
+def test_another_choice_is_drawn_although_the_session_stands_still():
+    plots = panel()
+    plots.render(published(None, series=series(50)))
+    assert not plots.restless
+    plots._key = None
+    assert plots.restless
+
+
 def test_frames_without_a_value_are_left_out():
     plots = panel()
     plots.render(published(None, series=series(50)))
