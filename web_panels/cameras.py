@@ -46,6 +46,9 @@ class Cameras:
         self.run_name = ""
         self.bounds: Bounds | None = None
         self.up = "z"
+        self.distance = 2.25
+        """Of a camera from the middle, in radii of the map. One stands close to a simulated place,
+        whose walls say where one is, and farther from a cloud of points."""
         self.modes: dict[int, View] = {}
         self.in_the_way: tuple[str, ...] = ()
         """Nodes hidden from who looks through the sensor's eye: the frusta with their images."""
@@ -82,12 +85,25 @@ class Cameras:
                 self._hide(client, False)
                 self._set(client, position, target)
 
+    def refit(self, bounds: Bounds) -> None:
+        """The map has outgrown its bounds: new browsers see all of it, and those that never moved
+        their camera."""
+        assert self.bounds is not None
+        before, _ = self._standing("perspective", self.bounds)
+        self.bounds = bounds
+        position, target = self._standing("perspective", bounds)
+        self.server.initial_camera.position = position
+        self.server.initial_camera.look_at = target
+        for client in self.server.get_clients().values():
+            if np.linalg.norm(client.camera.position - before) < 1e-3 * bounds.radius:
+                self._set(client, position, target)
+
     def _up(self) -> Vec:
         return np.array([0.0, 1.0, 0.0] if self.up == "y" else [0.0, 0.0, 1.0])
 
     def _standing(self, view: str, bounds: Bounds) -> tuple[Vec, Vec]:
         d = directions(self.up)[view]
-        away = 2.25 * bounds.radius / float(np.linalg.norm(d))
+        away = self.distance * bounds.radius / float(np.linalg.norm(d))
         return bounds.centre + away * d, bounds.centre
 
     def _set(self, client: viser.ClientHandle, position: Vec, target: Vec) -> None:

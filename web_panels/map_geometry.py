@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from scene_core.arrays import Mat, Vec
-from scene_core.filter.ports import Truth
 from scene_core.filter.records import Trace
 from scene_core.filter.world import Label, Layout, World
 from scene_core.geometry import quaternion
@@ -19,7 +18,7 @@ from scene_core.geometry.ellipses import ellipsoids, sigma
 from scene_core.geometry.spaces import ONE_D, THREE_D, TWO_D, Space, embed, embed_points
 from scene_core.geometry.spaces import embed_covariances as embed_P
 from scene_core.models.base import FeatureModel, Sensor
-from scene_core.session.config import Experiment
+from scene_core.session.published import Published
 from web_panels import verdicts
 from web_panels.style import C
 
@@ -183,9 +182,20 @@ def robot_pose(world: World, robot: str) -> Vec:
     return embed(world.xp(robot), world.robots[robot].motion.space, world.up)[0]
 
 
-def true_pose(xp: Vec, up: str) -> Vec:
-    """True pose (7,) in 3-D world axes, of whatever dimension it was given in."""
-    return embed(np.asarray(xp), POSES[len(xp)], up)[0]
+def true_position(p: Published, robot: str, up: str) -> Vec | None:
+    """True position (3,) of a robot in world axes, of whatever dimension it was given in."""
+    truth = p.trace.frame.truth if p.trace is not None else None
+    if truth is None or robot not in truth.xp:
+        return None
+    xp = np.asarray(truth.xp[robot])
+    at = aligned(POSES[len(xp)].position(xp), p)
+    return embed_points(at, POSES[len(xp)], up)
+
+
+def aligned(points: Vec, p: Published) -> Vec:
+    """True points (..., d) in the estimate's axes, moved as the true trajectory is."""
+    fit = next((r.alignment for r in p.series.robots.values() if r.alignment is not None), None)
+    return points if fit is None else fit.points(points)
 
 
 def view_angle(sensor: Sensor, k: Vec) -> tuple[float, float]:
@@ -224,22 +234,25 @@ def bounds_of(points: Vec, least: float = 0.0) -> Bounds:
     return Bounds(lo - grow, hi + grow)
 
 
-def start_bounds(experiment: Experiment, world: World, truth: Truth | None) -> Bounds:
+def start_bounds(p: Published, world: World) -> Bounds:
     """What the map is going to show: the simulated world, or what is known at the start."""
     parts = [robot_pose(world, r)[None, :3] for r in world.robots]
     least = 2.0
-    outline = outline_of(experiment.source, world.up).reshape(-1, 3)
-    points = true_points(truth, world.up)
+    outline = outline_of(p.experiment.source, world.up).reshape(-1, 3)
+    points = true_points(p, world.up)
     if len(outline) == 0 and len(points) == 0 and world.features:
         parts.append(Clouds().of(world, 0.5, 0.0).positions)
         least = 0.8
     return bounds_of(np.concatenate([*parts, outline, points]), least)
 
 
-def true_points(truth: Truth | None, up: str) -> Vec:
+def true_points(p: Published, up: str) -> Vec:
     """True landmarks (K, 3) in world axes; none when nobody knows them."""
-    points = np.zeros((0, 3)) if truth is None else np.asarray(truth.points)
-    return embed_points(points, SPACES[points.shape[1]], up) if len(points) else np.zeros((0, 3))
+    truth = p.trace.frame.truth if p.trace is not None else None
+    if truth is None or len(truth.points) == 0:
+        return np.zeros((0, 3))
+    points = np.asarray(truth.points)
+    return embed_points(aligned(points, p), SPACES[points.shape[1]], up)
 
 
 def outline_of(source: Any, up: str) -> Vec:

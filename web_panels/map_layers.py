@@ -276,12 +276,11 @@ class Robots:
             pose = geo.robot_pose(world, name)
             body.position = pose[:3]
             self._render_heading(world, name, pose)
-        seen = p.trace.frame.truth if p.trace is not None else None
         for name, body in self.true_bodies.items():
-            known = truth and seen is not None and name in seen.xp
-            body.visible = known
-            if known and seen is not None:
-                body.position = geo.true_pose(seen.xp[name], world.up)[:3]
+            at = geo.true_position(p, name, world.up) if truth else None
+            body.visible = at is not None
+            if at is not None:
+                body.position = at
         for mount in world.mounts:
             if world.mounts[mount].sensor.pane == "image":
                 self._render_camera(world, mount)
@@ -413,18 +412,17 @@ class TrueLandmarks:
         self.scene, self.size = scene, size
         self.node: viser.PointCloudHandle | None = None
 
-    def render(self, trace: Trace | None, world: World, visible: bool) -> None:
-        if self.node is None and trace is not None and trace.frame.truth is not None:
-            at = geo.true_points(trace.frame.truth, world.up)
-            if len(at) == 0:
-                return
+    def render(self, p: Published, world: World, visible: bool) -> None:
+        at = geo.true_points(p, world.up).astype(np.float32)
+        if self.node is None and len(at):
             self.node = self.scene.add_point_cloud(
                 "/map/truth/points",
-                at.astype(np.float32),
+                at,
                 C["truth"],
                 point_size=0.005 * self.size,
                 point_shape="circle",
                 precision="float32",
             )
         if self.node is not None:
-            self.node.visible = visible
+            self.node.visible = visible and len(at) > 0
+            self.node.points = at

@@ -48,7 +48,8 @@ class MapPanel:
         """Make every node anew: another run may have another world, up and robots."""
         scene = self.server.scene
         scene.remove_by_name("/map")
-        self.bounds, size = bounds, bounds.radius
+        self.bounds = self.seen = bounds
+        size = bounds.radius
         self.simulated = len(geo.outline_of(p.experiment.source, world.up)) > 0
         self.ground = Ground(scene, p, world, bounds)
         self.paths = Paths(scene, p)
@@ -58,6 +59,7 @@ class MapPanel:
         self.ellipsoids = Ellipsoids(self.server, self._clicked)
         self.robots = Robots(scene, world, size)
         self.selected = Selected(scene)
+        self.cameras.distance = 2.25 if self.simulated else 3.0
         self.cameras.place(p.experiment.name, bounds, world.up)
         self.images_due = self.slow_due = self.correlation_due = 0.0
         self.chosen: int | None = None
@@ -71,11 +73,11 @@ class MapPanel:
         if fresh:
             self.start = initial_world(p.experiment)
             self.run, self.awaiting = p.run, True
-            self._restart(p, self.start, geo.start_bounds(p.experiment, self.start, None))
+            self._restart(p, self.start, geo.start_bounds(p, self.start))
         world = self.start if p.trace is None else p.trace.world
         if self.awaiting and p.trace is not None:
             self.awaiting = False
-            bounds = geo.start_bounds(p.experiment, world, p.trace.frame.truth)
+            bounds = geo.start_bounds(p, world)
             if bounds.radius > 1.05 * self.bounds.radius:
                 self._restart(p, world, bounds)
         return world
@@ -98,6 +100,7 @@ class MapPanel:
         rgb = self._colours(p, world, cloud, states)
         robot = geo.robot_pose(world, next(iter(world.robots)))
         still = p.mode != "playing"
+        slow = still or now >= self.slow_due or p.selected != self.chosen
         images: dict[str, bytes] = {}
         if trace is not None and (still or now >= self.images_due):
             self.images_due = now + 1.0 / IMAGE_HZ
@@ -109,16 +112,20 @@ class MapPanel:
             self.sightings.render(trace, world, cloud, look.rays)
             self.robots.render(p, world, look.truth)
             self.robots.show(images)
-            self.true_landmarks.render(trace, world, look.truth)
             self.ground.room.visible = look.room
-            if still or now >= self.slow_due or p.selected != self.chosen:
+            if slow:
                 self.slow_due, self.chosen = now + 1.0 / SLOW_HZ, p.selected
+                self.true_landmarks.render(p, world, look.truth)
                 self.selected.render(cloud, states, p.selected, robot[:3], look.labels)
                 self.paths.render(p, look.trajectories, look.truth)
-        self._move_cameras(world, robot[:3], self._seen(cloud, robot[:3]))
+        if slow:
+            self.seen = self._seen(p, cloud)
+        self._move_cameras(world, robot[:3], self.seen)
 
     def _move_cameras(self, world: World, robot: np.ndarray, bounds: geo.Bounds) -> None:
         """The sensor's eye is that of the first camera; without one there is none."""
+        if self.cameras.bounds is None or bounds.radius > 1.15 * self.cameras.bounds.radius:
+            self.cameras.refit(bounds)
         eye = None
         for name, mount in world.mounts.items():
             if mount.sensor.pane == "image":
@@ -143,10 +150,12 @@ class MapPanel:
             self.rgb = geo.correlation_colours(world, chosen, cloud.labels)
         return self.rgb
 
-    def _seen(self, cloud: geo.Cloud, robot: np.ndarray) -> geo.Bounds:
-        """What the view buttons frame: the start's bounds, or more once the map outgrew them."""
-        if len(cloud.labels) < 4 or self.simulated:
+    def _seen(self, p: Published, cloud: geo.Cloud) -> geo.Bounds:
+        """What the view buttons frame: a simulated world, else what was mapped and travelled."""
+        if self.simulated or len(cloud.labels) < 8:
             return self.bounds
-        middle = np.percentile(cloud.positions, (10, 90), axis=0)
-        points = np.concatenate([middle, [self.bounds.lo, self.bounds.hi, robot]])
-        return geo.bounds_of(points)
+        parts = [np.percentile(cloud.positions, (10, 90), axis=0), [self.bounds.centre]]
+        for r in p.series.robots.values():
+            if len(r.position):
+                parts.append([r.position.min(axis=0), r.position.max(axis=0)])
+        return geo.bounds_of(np.concatenate(parts))

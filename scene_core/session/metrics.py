@@ -14,7 +14,7 @@ from scene_core.filter.world import World
 from scene_core.geometry.ellipses import chi2_band, nees
 from scene_core.geometry.spaces import Space, embed_points
 from scene_core.models.base import completed
-from scene_core.session.alignment import Alignment, aligned_poses, umeyama
+from scene_core.session.alignment import Alignment, Similarity, aligned_poses, umeyama
 from scene_core.session.columns import Column
 from scene_core.session.published import Light, RobotSeries, Series
 
@@ -217,8 +217,9 @@ class Metrics:
     def _robot_series(self, track: RobotTrack) -> RobotSeries:
         space, known = track.space, track.known
         true_position, error = track.true_position.view(self._shown), track.error.view(self._shown)
+        fit = None
         if known and self.align != "none":
-            true_position, error = self._aligned(track)
+            true_position, error, fit = self._aligned(track)
         rotation = ("rx", "ry", "rz") if space.d == 3 else ("phi",) if space.d == 2 else ()
         return RobotSeries(
             labels=space.labels[: space.d] + rotation,
@@ -230,19 +231,19 @@ class Metrics:
             nees=track.nees.view(self._shown) if known and self.align == "none" else None,
             nees_dof=space.tangent,
             nees_band=chi2_band(space.tangent),
+            alignment=fit,
         )
 
-    def _aligned(self, track: RobotTrack) -> tuple[Vec, Vec]:
-        """The truth moved into the estimate's axes (at most 500 frames decide how), and errors."""
+    def _aligned(self, track: RobotTrack) -> tuple[Vec, Vec, Similarity | None]:
+        """The truth moved into the estimate's axes (at most 500 frames decide how), errors, how."""
         xp, true_xp = track.xp.view(self._shown), track.true_xp.view(self._shown)
         step = max(1, len(xp) // 500)
         fit = umeyama(track.space, true_xp[::step], xp[::step], self.align)
         if fit is None:
-            return track.true_position.view(self._shown), np.full_like(
-                track.error.view(self._shown), np.nan
-            )
+            unknown = np.full_like(track.error.view(self._shown), np.nan)
+            return track.true_position.view(self._shown), unknown, None
         moved = aligned_poses(track.space, fit, true_xp)
-        return track.embedded(moved), -track.space.difference(moved, xp)
+        return track.embedded(moved), -track.space.difference(moved, xp), fit
 
     def light(self) -> Light:
         """Whether the errors are as large as the filter says: the mean NEES of the last frames,

@@ -8,6 +8,7 @@ from typing import Literal
 
 from scene_core.arrays import Vec
 from scene_core.filter.records import Event, Trace
+from scene_core.session.alignment import Similarity
 from scene_core.session.config import Experiment
 
 
@@ -31,6 +32,8 @@ class RobotSeries:
     nees_dof: int
     nees_band: tuple[float, float]
     """95 % interval of one NEES value."""
+    alignment: Similarity | None = None
+    """How the truth was moved into the estimate's axes; None: it is in them."""
 
 
 @dataclass(frozen=True)
