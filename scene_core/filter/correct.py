@@ -119,7 +119,8 @@ def _gain_rows(work: Workspace, parts: Sequence[Rows], R: Mat, rows: np.ndarray)
     HP = times_P(parts, work.P)
     S = times_Ht(HP, parts)
     add_noise(S, R)
-    return np.linalg.solve(S, HP[:, rows]).T
+    K = np.linalg.solve(S, HP[:, rows]).T.astype(np.float64, copy=False)
+    return K
 
 
 def _linearised(

@@ -11,10 +11,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import blas, lapack
+from scipy.linalg import get_blas_funcs, get_lapack_funcs
 
 from scene_core.arrays import Mat, Vec
 from scene_core.filter.world import Block, Gaussian, Layout
+
+(gemm,) = get_blas_funcs(("gemm",), dtype=np.float64)
+potrf, trtrs = get_lapack_funcs(("potrf", "trtrs"), dtype=np.float64)
 
 
 class FilterError(ArithmeticError):
@@ -125,14 +128,14 @@ class Workspace:
 
         With S = L L':  V = L^-1 H P,  x += V' L^-1 nu,  P -= V' V.
         """
-        L, info = lapack.dpotrf(S, lower=1, clean=1)
+        L, info = potrf(S, lower=1, clean=1)
         if info != 0:
             raise FilterError(
                 "the innovation covariance is not positive definite: measurement or process noise "
                 "is absurd; undo the last edit or raise the sensor's noise"
             )
-        V, info = lapack.dtrtrs(L, HP, lower=1)
-        w, info = lapack.dtrtrs(L, nu, lower=1)
+        V, info = trtrs(L, HP, lower=1)
+        w, info = trtrs(L, nu, lower=1)
         self.x += w @ V
         downdate(self.P, V)
         return float(w @ w)
@@ -163,7 +166,7 @@ def add_noise(S: Mat, R: Mat) -> None:
 def downdate(P: Mat, V: Mat) -> None:
     """P -= V' V in place for C-contiguous symmetric P (n, n) and V (M, n)."""
     W = np.asfortranarray(V.T)
-    out = blas.dgemm(-1.0, W, W, beta=1.0, c=P.T, trans_b=True, overwrite_c=True)
+    out = gemm(-1.0, W, W, beta=1.0, c=P.T, trans_b=True, overwrite_c=True)
     assert np.shares_memory(out, P), "BLAS copied P: it must be one contiguous array"
 
 
