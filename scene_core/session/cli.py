@@ -27,7 +27,7 @@ from scene_core.session.edits import set_param, with_seed
 from scene_core.session.failures import explain
 from scene_core.session.report import report, summary
 from scene_core.session.session import Session
-from scene_core.session.start import initial_world
+from scene_core.session.start import initial_world, resting
 
 DEFAULT_FRAMES = 1000
 """Length of a run whose source has no end, when --frames is not given."""
@@ -181,6 +181,8 @@ def run(options: Run) -> None:
         experiment = replace(experiment, frames=options.frames)
     elif experiment.frames is None and experiment.source.frame_count is None:
         experiment = replace(experiment, frames=DEFAULT_FRAMES)
+    for why in resting(experiment.estimator).values():
+        print(f"scene: {why}", file=sys.stderr)
     session = Session(experiment)
     count = session.frame_count
     if options.metrics_from < 0 or (count is not None and options.metrics_from >= count):

@@ -37,7 +37,7 @@ from scene_core.session.edits import Edit, Settings, same_value, set_param, unti
 from scene_core.session.history import History, Moment
 from scene_core.session.metrics import Metrics
 from scene_core.session.roles import swapped
-from scene_core.session.start import initial_world
+from scene_core.session.start import initial_world, resting
 from scene_core.session.swap import reconfigure
 
 HISTORY_BYTES = 256 * 2**20
@@ -223,7 +223,7 @@ class Session:
     def reset(self) -> None:
         """Start the scenario again, with the settings as edited."""
         self._restart(self.settings)
-        self.message = "started again with the settings as they are"
+        self._say("started again with the settings as they are")
 
     def load(self, experiment: Experiment) -> None:
         """Start another experiment. Raises ParamError or SourceError before anything is changed."""
@@ -231,7 +231,11 @@ class Session:
         self.base = experiment
         """The scenario's own settings, to mark what was changed."""
         self.selected = None
-        self.message = experiment.about
+        self._say(experiment.about)
+
+    def _say(self, text: str) -> None:
+        """What a start did, and what it left out."""
+        self.message = "; ".join([text, *resting(self.experiment.estimator).values()])
 
     # Commands.
 

@@ -13,6 +13,7 @@ from scene_core.filter.observe import sensor_state
 from scene_core.filter.world import Feature, Gaussian, Instrument, Layout, Mount, Robot, World
 from scene_core.geometry.spaces import THREE_D, Space
 from scene_core.models.base import FeatureModel, MotionModel
+from scene_core.models.registry import carriable, runs_on
 from scene_core.params import ParamError
 from scene_core.session.config import (
     EstimatorSettings,
@@ -68,6 +69,7 @@ def initial_world(experiment: Experiment) -> World:
         position = _known_position(settings, label, known)
         add(f"feature:{label}", position, np.eye(len(position)) * known.sd**2)
 
+    idle = resting(settings)
     world = World(
         frame=-1,
         time=0.0,
@@ -78,7 +80,9 @@ def initial_world(experiment: Experiment) -> World:
         ),
         robots=robots,
         mounts=mounts,
-        instruments={i: _instrument(settings, i, m) for i, m in settings.instruments.items()},
+        instruments={
+            i: _instrument(settings, i, m) for i, m in settings.instruments.items() if i not in idle
+        },
         features={},
         policies=settings.policies,
         up=settings.up,
@@ -111,6 +115,17 @@ def sd_labels(state_labels: tuple[str, ...]) -> tuple[str, ...]:
     """Labels an initial standard deviation may be given for: a quaternion's are rx, ry, rz."""
     plain = tuple(s for s in state_labels if s not in QUATERNION)
     return plain + ROTATION if "qw" in state_labels else plain
+
+
+def resting(settings: EstimatorSettings) -> dict[str, str]:
+    """Instruments that can not run on the motion model of their robot, with a sentence why; they
+    come back with a model that has what they need."""
+    reasons = {
+        name: runs_on(one.model, settings.robots[one.robot].motion)
+        for name, one in settings.instruments.items()
+        if one.robot in settings.robots
+    }
+    return {i: f"instrument {i} rests: {reason}" for i, reason in reasons.items() if reason}
 
 
 def final_model(model: FeatureModel) -> FeatureModel:
@@ -159,11 +174,9 @@ def _mount(settings: EstimatorSettings, name: str, mount: MountSettings) -> Moun
     space: Space = mount.sensor.space
     if len(mount.pose) != space.n or not np.isfinite(mount.pose).all():
         raise ParamError(f"{at}.pose: give {space.n} finite numbers ({', '.join(space.labels)})")
-    if space.d < motion.space.d:
-        raise ParamError(
-            f"{at}.sensor: '{mount.sensor.name}' lives in {space.d}-D and can not be carried by "
-            f"'{motion.name}' in {motion.space.d}-D"
-        )
+    reason = carriable(motion, mount.sensor)
+    if reason:
+        raise ParamError(f"{at}.sensor: {reason}")
     pose = np.asarray(mount.pose, dtype=np.float64)
     if space.n == THREE_D.n and np.linalg.norm(pose[3:]) < 1e-6:
         raise ParamError(f"{at}.pose: its quaternion (the last four numbers) may not be zero")

@@ -19,6 +19,7 @@ from scene_core.filter.world import Gaussian, Instrument, Robot, World
 from scene_core.models.base import FeatureModel, MotionModel, completed
 from scene_core.params import ParamError
 from scene_core.session.config import EstimatorSettings
+from scene_core.session.start import resting
 
 WORDS: Mapping[str, str] = {"vx vy vz": "velocity", "wx wy wz": "turn rate", "phi": "heading"}
 """How groups of state components are called."""
@@ -50,14 +51,13 @@ def reconfigure(world: World, old: EstimatorSettings, new: EstimatorSettings) ->
     if new.policies is not old.policies:
         world, said = with_policies(world, new)
         notes += said
-    instruments = {}
-    for name, one in new.instruments.items():
-        missing = set(one.model.needs) - {"xp"} - set(world.robots[one.robot].motion.state_labels)
-        if not missing:
-            instruments[name] = Instrument(name, one.robot, one.model)
-        elif name in world.instruments:
-            robot = world.robots[one.robot].motion.name
-            notes.append(f"instrument {name} rests: '{robot}' has no {', '.join(sorted(missing))}")
+    idle = resting(new)
+    notes += [why for name, why in idle.items() if name in world.instruments]
+    instruments = {
+        name: Instrument(name, one.robot, one.model)
+        for name, one in new.instruments.items()
+        if name not in idle
+    }
     return Reconfigured(replace(world, instruments=instruments), tuple(notes))
 
 

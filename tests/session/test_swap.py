@@ -54,6 +54,22 @@ def test_odometry_to_impulse_keeps_pose_and_map(session: Session) -> None:
     assert positive(after.P)
 
 
+def test_an_instrument_rests_while_its_components_are_gone_also_after_a_reset() -> None:
+    session = Session(presets.build("gyro"))
+    session.advance()
+    role = f"estimator.robots.{next(iter(session.world.robots))}.motion"
+    names = set(session.world.instruments)
+    session.apply(SwapModel(role, "6-DoF odometry"))
+    rests = "instrument gyro rests: 'gyro' needs wx, wy, wz, which '6-DoF odometry' does not have"
+    assert names == {"gyro", "speedometer"} and rests in session.message
+    assert not swapped_start(session).instruments
+    session.reset()
+    assert rests in session.message
+    assert not session.advance().world.instruments
+    session.apply(SwapModel(role, "impulse"))
+    assert set(swapped_start(session).instruments) == names
+
+
 def test_there_and_back_restores_everything(session: Session) -> None:
     before = session.world.gauss
     session.apply(SwapModel(MOTION, "impulse"))
