@@ -16,7 +16,7 @@ from scene_core.filter.observe import groups, sensor_state
 from scene_core.filter.ports import Detection, Frame, Occupied, Source
 from scene_core.filter.records import Event, Predictions
 from scene_core.filter.world import Feature, Label, World
-from scene_core.models.base import completed
+from scene_core.models.base import Fault, completed
 
 
 def manage(
@@ -127,7 +127,7 @@ def initialise_new(
     if count == 0:
         return world, []
     m = world.mounts[mount].sensor.measurement_size
-    in_view = [p.h[(p.fault & 1) == 0] for p in predictions]
+    in_view = [p.h[(p.fault & Fault.BEHIND) == 0] for p in predictions]
     occupied = Occupied(
         h=np.concatenate(in_view) if in_view else np.zeros((0, m)),
         appearances=tuple(f.appearance for f in world.features.values()),

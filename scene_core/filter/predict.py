@@ -21,6 +21,7 @@ from scene_core.filter.records import InternalUpdate
 from scene_core.filter.world import Instrument, Robot, World
 from scene_core.geometry.ellipses import chi2_gate
 from scene_core.models.base import MotionModel, completed, words
+from scene_core.models.registry import runs_on
 
 
 @dataclass(frozen=True)
@@ -98,8 +99,10 @@ def predict(world: World, frame: Frame) -> tuple[World, dict[str, float]]:
             source, F = block.indices, motion.F[:, : block.size]
         work.transform(block.indices, source, F, motion.Q)
         work.x[block.slice] = motion.xv
-        numbers[f"{robot.id}: trace Q"] = float(np.trace(motion.Q))
-        numbers[f"{robot.id}: trace P after"] = float(np.trace(work.P[block.slice, block.slice]))
+        after, added = np.trace(work.P[block.slice, block.slice]), np.trace(motion.Q)
+        numbers[f"{robot.id}: trace F P F'"] = float(after - added)
+        numbers[f"{robot.id}: trace G U G' + Q"] = float(added)
+        numbers[f"{robot.id}: trace P after"] = float(after)
     moved = replace(world, frame=frame.index, time=frame.time, gauss=work.seal())
     return moved, numbers
 
@@ -136,11 +139,10 @@ def _internal_update(
     work: Workspace, world: World, instrument: Instrument, zv: Vec
 ) -> InternalUpdate:
     robot, model = world.robots[instrument.robot], instrument.model
-    missing = [need for need in model.needs if need not in robot.motion.state_labels]
-    if missing:
+    reason = runs_on(model, robot.motion)
+    if reason:
         raise FilterError(
-            f"instrument '{instrument.id}' ({model.name}) needs {', '.join(missing)} in the state, "
-            f"which '{robot.motion.name}' does not have: remove the instrument or swap the model"
+            f"instrument '{instrument.id}': {reason}; remove the instrument or swap the model"
         )
     start = work.layout[robot.block].start
     index = np.array([start + robot.motion.state_labels.index(need) for need in model.needs])

@@ -13,6 +13,7 @@ from scene_core.filter.manage import delete, initialise, initialise_at
 from scene_core.filter.observe import groups, observe, predictions, sensor_state
 from scene_core.filter.policies import Update
 from scene_core.filter.ports import Control, Detection, Frame, Points
+from scene_core.filter.predict import predict, robot_motion
 from scene_core.filter.records import Trace
 from scene_core.filter.step import step
 from scene_core.filter.world import Gaussian, World
@@ -234,6 +235,20 @@ def test_stacked_update_is_the_dense_textbook_one() -> None:
     points = np.concatenate([world.gauss.layout[f"feature:{i}"].indices for i in range(1, 5)])
     np.testing.assert_allclose(after[points], expected[points], atol=1e-8)
     np.testing.assert_allclose(after[:3], expected[:3], atol=1e-8)
+
+
+def test_the_numbers_of_the_prediction_add_up() -> None:
+    world = camera_world(seed=3)
+    controls = {"cam": (Control(0.02), Control(0.05))}
+    moved, numbers = predict(world, Frame(1, 0.07, 0.07, controls, {}))
+    block = world.gauss.layout["robot:cam"]
+    motion = robot_motion(world.robots["cam"], world.gauss.mean("robot:cam"), np.zeros(0),
+                          controls["cam"])  # fmt: skip
+    FPF = motion.F @ world.gauss.P[block.slice, block.slice] @ motion.F.T
+    assert numbers["cam: trace F P F'"] == pytest.approx(np.trace(FPF), rel=1e-9)
+    assert numbers["cam: trace G U G' + Q"] == pytest.approx(np.trace(motion.Q), rel=1e-12)
+    after = np.trace(moved.gauss.cov("robot:cam"))
+    assert numbers["cam: trace P after"] == pytest.approx(after, rel=1e-12)
 
 
 def test_iterating_a_linear_measurement_changes_nothing() -> None:
