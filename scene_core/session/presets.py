@@ -86,6 +86,8 @@ def room() -> Experiment:
         landmark=InverseDepth(rho_mean=0.5, rho_sd=0.4, pole="z"),
         selection=Selection(budget=12),
         association=Association("search"),
+        gate=Gate(joint=True),
+        update=Update("iterated"),
         management=Management(keep_visible=14, max_new=2, max_new_first=8, max_features=150),
     )
     return Experiment(
@@ -102,7 +104,8 @@ def room() -> Experiment:
             up="z",
         ),
         source=Simulation(
-            world=TexturedRoom(),
+            # A repeat fine enough to be taken for its neighbour now and then.
+            world=TexturedRoom(pattern=0.11),
             robots={"hand": TrueRobot(motion, hand, start, start_sd)},
             mounts={"camera": TrueMount(replace(camera, border=0.0), "hand", own_axes)},
             rendering=Rendering(),
