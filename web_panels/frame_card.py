@@ -11,6 +11,7 @@ import viser
 from scene_core.filter.records import Trace
 from scene_core.session.published import Published, RobotSeries
 from web_panels import style
+from web_panels.map_geometry import last_known
 from web_panels.panel import Page, Post
 from web_panels.style import HEX, PHASES, escape, number, shown
 from web_panels.verdicts import states
@@ -99,14 +100,12 @@ def robot_name(name: str, several: bool) -> str:
 
 def pose_rows(estimate: Iterable[float], r: RobotSeries) -> str:
     """One row per tangent component: estimate, 3 sigma, error."""
-    out = ""
+    out, wrong = "", last_known(r.error)
     for i, (label, unit, value) in enumerate(zip(r.labels, r.units, estimate, strict=True)):
         v, u = shown(value, unit)
         sd = shown(float(3.0 * r.sd[-1, i]), unit)[0]
         gap = "" if u.startswith("°") else " "
-        error = ""
-        if r.error is not None and np.isfinite(r.error[-1, i]):
-            error = _signed(shown(float(r.error[-1, i]), unit)[0])
+        error = "" if wrong is None else _signed(shown(float(wrong[i]), unit)[0])
         out += (
             f"<tr><td>{escape(label)}</td><td>{_fixed(v, sd)}{gap}{u}</td>"
             f'<td class="d">± {number(sd, 2)}</td><td>{error}</td></tr>'
@@ -150,7 +149,8 @@ def consistency(r: RobotSeries) -> str:
     """NEES over the last frames, in its 95 % band."""
     assert r.nees is not None
     lo, hi = r.nees_band
-    value = float(r.nees[-1])
+    known = last_known(r.nees[:, None])
+    value = float("nan") if known is None else float(known[0])
     curve = r.nees[-POINTS:]
     top = 1.35 * hi
 

@@ -182,11 +182,23 @@ def robot_pose(world: World, robot: str) -> Vec:
     return embed(world.xp(robot), world.robots[robot].motion.space, world.up)[0]
 
 
+RECENT = 12
+"""A reference that is given for every few frames only is shown until it is this many old."""
+
+
+def last_known(rows: Vec | None) -> Vec | None:
+    """The last finite one of the most recent rows (T, n)."""
+    recent = np.zeros((0, 1)) if rows is None else rows[-RECENT:]
+    good = np.flatnonzero(np.isfinite(recent).all(axis=1))
+    return recent[good[-1]] if len(good) else None
+
+
 def true_position(p: Published, robot: str, up: str) -> Vec | None:
     """True position (3,) of a robot in world axes, of whatever dimension it was given in."""
     truth = p.trace.frame.truth if p.trace is not None else None
     if truth is None or robot not in truth.xp:
-        return None
+        series = p.series.robots.get(robot)
+        return None if series is None else last_known(series.true_position)
     xp = np.asarray(truth.xp[robot])
     at = aligned(POSES[len(xp)].position(xp), p)
     return embed_points(at, POSES[len(xp)], up)
@@ -271,10 +283,10 @@ def nice(x: float) -> float:
 
 
 def thinned(path: Vec, most: int = 400) -> Mat:
-    """Line segments (M, 2, 3) along a path (T, 3), at most so many; NaN points leave gaps."""
+    """Line segments (M, 2, 3) along the known points of a path (T, 3), at most so many."""
+    path = path[np.isfinite(path).all(axis=1)]
     stride = max(1, -(-len(path) // most))
     keep = path[::stride]
     if len(path) and (len(path) - 1) % stride:
         keep = np.concatenate([keep, path[-1:]])
-    pairs = np.stack([keep[:-1], keep[1:]], axis=1)
-    return pairs[np.isfinite(pairs).all(axis=(1, 2))]
+    return np.stack([keep[:-1], keep[1:]], axis=1)

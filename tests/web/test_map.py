@@ -187,9 +187,19 @@ def test_thinned_paths_keep_their_ends() -> None:
     assert len(segments) <= 101
     assert (segments[0, 0] == path[0]).all() and (segments[-1, 1] == path[-1]).all()
     assert (segments[1:, 0] == segments[:-1, 1]).all()
-    path[500:600] = np.nan
-    assert np.isfinite(map_geometry.thinned(path, 100)).all()
+    path[np.arange(len(path)) % 4 != 0] = np.nan
+    sparse = map_geometry.thinned(path, 100)
+    assert np.isfinite(sparse).all() and (sparse[0, 0] == path[0]).all()
     assert map_geometry.thinned(path[:1]).shape == (0, 2, 3)
+
+
+def test_a_sparse_reference_is_shown_until_it_is_old() -> None:
+    rows = np.full((40, 3), np.nan)
+    assert map_geometry.last_known(rows) is None and map_geometry.last_known(None) is None
+    rows[35] = 1.0
+    known = map_geometry.last_known(rows)
+    assert known is not None and (known == 1.0).all()
+    assert map_geometry.last_known(np.concatenate([rows, np.full((20, 3), np.nan)])) is None
 
 
 def test_the_view_angle_of_a_pinhole() -> None:
