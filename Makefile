@@ -1,7 +1,7 @@
 # Everything runs in .venv from locked versions. Paths stay relative: a checkout path may contain spaces.
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help run env test bench check consistency format lock clean distclean
+.PHONY: help run env test bench check consistency pictures format lock clean distclean
 
 RECENT = import sys; sys.exit(sys.version_info < (3, 11))
 # The first interpreter that is new enough; `make PYTHON=... env` overrides.
@@ -14,7 +14,7 @@ ARGS ?=
 PIP := $(PY) -m pip --disable-pip-version-check --quiet
 
 # A second BLAS thread beside a browser or another test costs far more than it gives.
-test bench consistency: export OPENBLAS_NUM_THREADS := 1
+test bench consistency pictures: export OPENBLAS_NUM_THREADS := 1
 
 help:
 	@echo 'make run [ARGS="..."]   start the page; ARGS are flags of `serve` or another command, e.g. ARGS="run --preset line"'
@@ -23,6 +23,7 @@ help:
 	@echo 'make check              ruff, pyright, import-linter'
 	@echo 'make bench              speed figures'
 	@echo 'make consistency        the full statistics over seeds'
+	@echo 'make pictures           take the pictures of the documentation again (needs chromium)'
 	@echo 'make format             let ruff format and fix'
 	@echo 'make lock               resolve the versions again'
 	@echo 'make clean, distclean   remove caches; and .venv too'
@@ -41,6 +42,9 @@ bench: $(ENV)
 
 consistency: $(ENV)
 	@$(PY) -m scene_core.session.study $(ARGS)
+
+pictures: $(DEV)
+	@$(PY) -m tools.pictures $(ARGS)
 
 check: $(DEV)
 	$(PY) -m ruff check .
