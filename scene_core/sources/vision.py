@@ -173,12 +173,12 @@ def _regions(query: Query, limit: float) -> list[_Region | None]:
     good = np.isfinite(query.h).all(-1) & np.isfinite(det) & (det > 0.0) & (S[:, 0, 0] > 0.0)
     det = np.where(good, det, 1.0)
     half = np.minimum(np.sqrt(query.gate * np.abs(S[:, [0, 1], [0, 1]])), limit)
-    rows = np.stack(
-        [*query.h.T, *half.T, S[:, 1, 1] / det, -S[:, 0, 1] / det, S[:, 0, 0] / det], axis=1
-    )
+    inverse = np.stack([S[:, 1, 1], -S[:, 0, 1], S[:, 0, 0]], axis=1) / det[:, None]
     return [
-        _Region(*row[:7], query.gate) if ok else None
-        for row, ok in zip(rows.tolist(), good.tolist(), strict=True)
+        _Region(u, v, half_u, half_v, a, b, c, query.gate) if ok else None
+        for (u, v), (half_u, half_v), (a, b, c), ok in zip(
+            query.h.tolist(), half.tolist(), inverse.tolist(), good.tolist(), strict=True
+        )
     ]
 
 
@@ -281,7 +281,7 @@ def _peaks(ncc: np.ndarray, u0: int, v0: int, region: _Region) -> list[tuple[flo
             u, v = j + u0, i + v0
             x, y = region.u - u, region.v - v
             if region.holds(u + max(-0.5, min(0.5, x)), v + max(-0.5, min(0.5, y))):
-                out.append((float(ncc[i, j]), u, v))
+                out.append((float(ncc[int(i), int(j)]), int(u), int(v)))
     out.sort(key=lambda peak: -peak[0])
     return out
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import cv2
 import numpy as np
 
@@ -9,17 +11,25 @@ FINE = 4
 """Subdivisions of a pixel in the world picture."""
 
 
+@cache
+def _world(seed: int, width: int, height: int, detail: float) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    shape = ((height + 40) * FINE, (width + 40) * FINE)
+    noise = rng.standard_normal(shape, dtype=np.float32)
+    small = cv2.resize(noise, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
+    coarse = cv2.GaussianBlur(small, (0, 0), detail * FINE)
+    coarse = cv2.resize(coarse, shape[::-1], interpolation=cv2.INTER_CUBIC)
+    smooth = (cv2.GaussianBlur(noise, (0, 0), detail * FINE) + 4 * coarse) * detail
+    return cv2.normalize(smooth, smooth, 20, 235, cv2.NORM_MINMAX)
+
+
 class Picture:
     """A picture with detail of about two pixels; pixels average over their area."""
 
     def __init__(self, seed: int, width: int = 320, height: int = 240, detail: float = 1.5) -> None:
-        rng = np.random.default_rng(seed)
         self.size = (width, height)
-        fine = rng.standard_normal(((height + 40) * FINE, (width + 40) * FINE)).astype(np.float32)
-        coarse = cv2.GaussianBlur(fine, (0, 0), 4 * detail * FINE) * 4 * detail
-        smooth = cv2.GaussianBlur(fine, (0, 0), detail * FINE) * detail + coarse
-        self.world = cv2.normalize(smooth, smooth, 20, 235, cv2.NORM_MINMAX)
-        self.rng = rng
+        self.world = _world(seed, width, height, detail)
+        self.rng = np.random.default_rng(seed)
 
     def seen(
         self, shift: np.ndarray, A: np.ndarray | None = None, noise: float = 2.0

@@ -24,6 +24,10 @@ def query(h: np.ndarray, identities: list[int], how: str = "search", S: float = 
     return Query("s", labels, h, cov, 9.0, tuple(identities), warp, how)  # type: ignore[arg-type]
 
 
+def same(got: np.ndarray | None, expected: np.ndarray) -> bool:
+    return got is not None and np.array_equal(got, expected)
+
+
 def wrapped(h: np.ndarray, z: np.ndarray) -> np.ndarray:
     nu = z - h
     nu[..., 1] = np.pi - np.mod(np.pi - nu[..., 1], 2 * np.pi)
@@ -33,7 +37,7 @@ def wrapped(h: np.ndarray, z: np.ndarray) -> np.ndarray:
 def test_identities_decide_alone() -> None:
     matches = match_identities(POINTS, query(np.zeros((3, 2)), [5, 4, 7]))
     assert [m.label for m in matches] == [10, 11, 12]
-    assert np.array_equal(matches[0].z, Z[3]) and np.array_equal(matches[2].z, Z[0])
+    assert same(matches[0].z, Z[3]) and same(matches[2].z, Z[0])
     assert matches[1].z is None and "4" in matches[1].why
     assert matches[0].score == matches[0].threshold == 1.0
 
@@ -41,7 +45,7 @@ def test_identities_decide_alone() -> None:
 def test_an_identity_seen_twice_is_taken_once_and_first() -> None:
     twice = Points(Z[:2], np.array([7, 7]), R=np.stack([np.eye(2), 2 * np.eye(2)]))
     (match,) = match_identities(twice, query(np.zeros((1, 2)), [7]))
-    assert np.array_equal(match.z, Z[0]) and np.array_equal(match.R, np.eye(2))
+    assert same(match.z, Z[0]) and same(match.R, np.eye(2))
     assert len(detect_identities(twice, Occupied(np.zeros((0, 2)), ()), 5)) == 1
 
 
@@ -50,20 +54,20 @@ def test_without_identities_only_the_gate_can_match() -> None:
     (none,) = match_identities(nameless, query(Z[:1], [7]))
     (found,) = match_points(nameless, query(Z[:1] + 0.05, [7]))
     assert none.z is None and none.why
-    assert np.array_equal(found.z, Z[0])
+    assert same(found.z, Z[0])
 
 
 def test_the_query_says_how() -> None:
     h = Z[[1]]
     (by_name,) = match_points(POINTS, query(h, [5], "identity"))
     (by_place,) = match_points(POINTS, query(h, [5], "search"))
-    assert np.array_equal(by_name.z, Z[3]) and np.array_equal(by_place.z, Z[1])
+    assert same(by_name.z, Z[3]) and same(by_place.z, Z[1])
 
 
 def test_the_nearest_in_the_gate_is_given_once_to_the_nearer() -> None:
     h = np.array([[1.1, 0.1], [1.02, 0.1], [8.0, 0.0]])
     near, nearer, nothing = match_nearest(POINTS, query(h, [0, 0, 0]))
-    assert np.array_equal(nearer.z, Z[0])
+    assert same(nearer.z, Z[0])
     assert near.z is None and "nearer to other" in near.why
     assert nothing.z is None and "inside its gate" in nothing.why
 
@@ -79,7 +83,7 @@ def test_angles_are_compared_as_angles() -> None:
     (plain,) = match_nearest(POINTS, query(h, [9]))
     (angle,) = match_nearest(POINTS, query(h, [9]), wrapped)
     assert plain.z is None
-    assert np.array_equal(angle.z, Z[2])
+    assert same(angle.z, Z[2])
 
 
 def test_an_empty_frame_matches_nothing() -> None:

@@ -30,7 +30,8 @@ def query(
     warp: np.ndarray | None = None,
 ) -> Query:
     n = len(patches)
-    cov = np.broadcast_to(S * np.eye(2) if np.isscalar(S) else S, (n, 2, 2))
+    one = S if isinstance(S, np.ndarray) else S * np.eye(2)
+    cov = np.broadcast_to(one, (n, 2, 2))
     warps = np.broadcast_to(np.eye(2) if warp is None else warp, (n, 2, 2))
     return Query("camera", tuple(range(n)), np.asarray(h, float), cov, 9.0, tuple(patches), warps)
 
