@@ -38,7 +38,7 @@ from scene_core.sources.calibration import Calibration, load_calibration
 from scene_core.sources.datasets import Mrclam
 from scene_core.sources.drivers import ConstantControls, Shuttle, Waypoints
 from scene_core.sources.handheld import HandHeld
-from scene_core.sources.images import ImageSequence
+from scene_core.sources.images import ImageSequence, video_frame_rate
 from scene_core.sources.render import Rendering
 from scene_core.sources.room import TexturedRoom, poster_corners
 from scene_core.sources.simulated import Simulation
@@ -330,9 +330,11 @@ def images(
     reference_time: bool = False,
     align: Alignment = "none",
 ) -> Experiment:
-    """Monocular SLAM on a folder of images or a video."""
+    """Monocular SLAM on a folder of images or a video, at the calibration's frame rate or else the
+    video's own."""
+    own_rate = video_frame_rate(path)
     known = load_calibration(calibration, path)
-    sensor, rate = known.sensor, known.frame_rate
+    sensor, rate = known.sensor, known.frame_rate or own_rate
     source = ImageSequence(
         path=path,
         width=sensor.width,

@@ -7,10 +7,12 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from scene_core import params
+from scene_core.filter.ports import SourceError
 from scene_core.geometry.spaces import THREE_D
 from scene_core.params import ParamError
 from scene_core.session import presets
@@ -111,6 +113,29 @@ def test_recorded_images_start_from_the_known_target(recordings: Callable[[str],
         session.advance()
     assert [f.known for f in session.world.features.values()][:4] == [True] * 4
     assert session.world.features[1].updates >= 3
+
+
+CAMERA = '[camera]\nmodel = "pinhole"\nwidth = 96\nheight = 64\nu0 = 48.0\n'
+CAMERA += "v0 = 32.0\nf_u = 80.0\nf_v = 80.0\n"
+
+
+def test_a_video_runs_at_its_own_rate_unless_the_calibration_says_another(tmp_path: Path) -> None:
+    video, calib = tmp_path / "grey.avi", tmp_path / "camera.toml"
+    writer = cv2.VideoWriter(str(video), cv2.VideoWriter.fourcc(*"MJPG"), 12.5, (96, 64))
+    if not writer.isOpened():
+        pytest.skip("OpenCV can not write videos here")
+    for _ in range(3):
+        writer.write(np.full((64, 96, 3), 90, np.uint8))
+    writer.release()
+    calib.write_text(CAMERA)
+    assert presets.images(str(video), str(calib)).source.frame_rate == 12.5
+    calib.write_text(f"{CAMERA}frame_rate_hz = 20.0\n")
+    assert presets.images(str(video), str(calib)).source.frame_rate == 20.0
+
+
+def test_a_missing_folder_of_images_is_named_before_what_was_expected_in_it() -> None:
+    with pytest.raises(SourceError, match=r"^/nowhere can not be read"):
+        presets.images("/nowhere", TESTSEQ)
 
 
 def test_a_log_starts_at_its_true_pose(recordings: Callable[[str], Path]) -> None:
