@@ -8,7 +8,7 @@ searched by normalised cross-correlation over the ellipse in which the filter ex
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -18,6 +18,15 @@ import numpy as np
 from scene_core.arrays import Mat, Vec
 from scene_core.filter.policies import Vision
 from scene_core.filter.ports import Detection, Match, Query, SourceError
+from scene_core.sources.correlation import (
+    Region,
+    best_inside,
+    between_pixels,
+    box,
+    count,
+    peaks_in,
+    regions,
+)
 from scene_core.sources.grey import read_grey
 
 MIN_CONTRAST = 4.0
@@ -105,7 +114,7 @@ def search_patches(image: np.ndarray, query: Query, vision: Vision) -> list[Matc
     must be a local maximum of at least vision.ncc_min and is interpolated between pixels.
     """
     out = []
-    for i, region in enumerate(_regions(query, float(vision.max_radius_px))):
+    for i, region in enumerate(regions(query, float(vision.max_radius_px))):
         patch = query.appearance[i]
         if not isinstance(patch, Patch):
             found = _Found(why="it carries no image patch: it was mapped by another kind of sensor")
@@ -140,66 +149,24 @@ class _Found:
     why: str = ""
 
 
-@dataclass(frozen=True)
-class _Region:
-    """The ellipse a (u-h)^2 + 2 b (u-h)(v-h) + c (v-h)^2 < gate, and half the sides of its box."""
-
-    u: float
-    v: float
-    half_u: float
-    half_v: float
-    a: float
-    b: float
-    c: float
-    gate: float
-
-    def moved(self, shift: tuple[float, float]) -> _Region:
-        """The places of a template's middle when the landmark lies `shift` away from it."""
-        if shift == (0.0, 0.0):
-            return self
-        return replace(self, u=self.u - shift[0], v=self.v - shift[1])
-
-    def holds(self, u: float, v: float) -> bool:
-        x, y = u - self.u, v - self.v
-        return self.a * x * x + 2.0 * self.b * x * y + self.c * y * y < self.gate
-
-
-def _regions(query: Query, limit: float) -> list[_Region | None]:
-    """The search regions; None where the prediction is not a number or S not positive."""
-    if not query.labels:
-        return []
-    S = query.S
-    det = S[:, 0, 0] * S[:, 1, 1] - S[:, 0, 1] * S[:, 1, 0]
-    good = np.isfinite(query.h).all(-1) & np.isfinite(det) & (det > 0.0) & (S[:, 0, 0] > 0.0)
-    det = np.where(good, det, 1.0)
-    half = np.minimum(np.sqrt(query.gate * np.abs(S[:, [0, 1], [0, 1]])), limit)
-    inverse = np.stack([S[:, 1, 1], -S[:, 0, 1], S[:, 0, 0]], axis=1) / det[:, None]
-    return [
-        _Region(u, v, half_u, half_v, a, b, c, query.gate) if ok else None
-        for (u, v), (half_u, half_v), (a, b, c), ok in zip(
-            query.h.tolist(), half.tolist(), inverse.tolist(), good.tolist(), strict=True
-        )
-    ]
-
-
-def _search(image: np.ndarray, patch: Patch, warp: Mat, region: _Region, vision: Vision) -> _Found:
+def _search(image: np.ndarray, patch: Patch, warp: Mat, region: Region, vision: Vision) -> _Found:
     template = warped_template(patch, warp) if vision.warp else patch.template
     if template is None:
         return _Found(why="the view changed too much since it was first seen")
     if patch.contrast < MIN_CONTRAST:
         return _Found(why=f"its patch has no contrast ({patch.contrast:.1f} grey levels)")
     r = template.shape[0] // 2
-    u0, v0, u1, v1 = _box(region, r, image.shape)
+    u0, v0, u1, v1 = box(region, r, image.shape)
     if u1 - u0 < 2 or v1 - v0 < 2:
         return _Found(why="its search region lies outside the image")
     window = image[v0 - r : v1 + r + 1, u0 - r : u1 + r + 1]
     ncc = cv2.matchTemplate(window, template, cv2.TM_CCOEFF_NORMED)
-    positions = _count(region, u0 + 1, v0 + 1, u1 - 1, v1 - 1)
-    peaks = _peaks(ncc, u0, v0, region)
+    positions = count(region, u0 + 1, v0 + 1, u1 - 1, v1 - 1)
+    peaks = peaks_in(ncc, u0, v0, region)
     for score, u, v in peaks:
         at = (float(u), float(v))
         if vision.subpixel:
-            du, dv = _between_pixels(image[v - r : v + r + 1, u - r : u + r + 1], template)
+            du, dv = between_pixels(image[v - r : v + r + 1, u - r : u + r + 1], template)
             at = (u + du, v + dv)
         if not region.holds(*at):
             continue
@@ -212,8 +179,8 @@ def _search(image: np.ndarray, patch: Patch, warp: Mat, region: _Region, vision:
             found.z = None
             found.why = "the image has no contrast where it should be"
         return found
-    best = _best_inside(ncc, u0, v0, region)
-    return _Found(score=best, positions=positions, why="no peak of the correlation inside")
+    best = best_inside(ncc, u0, v0, region)
+    return _Found(score=best, positions=positions, why="no peak inside the search region")
 
 
 def _contrast(pixels: np.ndarray) -> float:
@@ -254,89 +221,6 @@ def warped_template(patch: Patch, warp: Mat) -> np.ndarray | None:
     )
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     return cv2.warpAffine(source, M, (side, side), flags=flags, borderMode=cv2.BORDER_REPLICATE)
-
-
-def _box(region: _Region, r: int, shape: tuple[int, ...]) -> tuple[int, int, int, int]:
-    """Positions (first and last, inclusive) of the ellipse's bounding box where the template fits,
-    one more on each side so that a peak on the rim is seen to be one and can be interpolated."""
-    return (
-        max(math.floor(region.u - region.half_u) - 1, r),
-        max(math.floor(region.v - region.half_v) - 1, r),
-        min(math.ceil(region.u + region.half_u) + 1, shape[1] - 1 - r),
-        min(math.ceil(region.v + region.half_v) + 1, shape[0] - 1 - r),
-    )
-
-
-def _peaks(ncc: np.ndarray, u0: int, v0: int, region: _Region) -> list[tuple[float, int, int]]:
-    """Local maxima (value, u, v) of the correlation at whole pixels, highest first, that may lie in
-    the ellipse once they are interpolated."""
-    top = cv2.dilate(ncc, _RING)
-    places = cv2.findNonZero(cv2.compare(ncc, top, cv2.CMP_GE))
-    if places is None:
-        return []
-    height, width = ncc.shape
-    out = []
-    for j, i in places.reshape(-1, 2).tolist():
-        if 0 < i < height - 1 and 0 < j < width - 1:
-            u, v = j + u0, i + v0
-            x, y = region.u - u, region.v - v
-            if region.holds(u + max(-0.5, min(0.5, x)), v + max(-0.5, min(0.5, y))):
-                out.append((float(ncc[int(i), int(j)]), int(u), int(v)))
-    out.sort(key=lambda peak: -peak[0])
-    return out
-
-
-_RING = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], dtype=np.uint8)
-
-
-def _best_inside(ncc: np.ndarray, u0: int, v0: int, region: _Region) -> float:
-    """Highest correlation in the ellipse, peak or not."""
-    x = np.arange(ncc.shape[1]) + (u0 - region.u)
-    y = (np.arange(ncc.shape[0]) + (v0 - region.v))[:, None]
-    inside = region.a * x * x + 2.0 * region.b * x * y + region.c * y * y < region.gate
-    return float(ncc[inside].max()) if inside.any() else 0.0
-
-
-def _count(region: _Region, u0: int, v0: int, u1: int, v1: int) -> int:
-    """Whole-pixel positions of the box that lie in the ellipse, row by row."""
-    a, b, total = region.a, region.b, 0
-    outer, inner = a * region.gate, b * b - a * region.c
-    for v in range(v0, v1 + 1):
-        y = v - region.v
-        root = inner * y * y + outer
-        if root > 0.0:
-            root = math.sqrt(root)
-            left = math.ceil(region.u + (-b * y - root) / a)
-            right = math.floor(region.u + (-b * y + root) / a)
-            total += max(min(right, u1) - max(left, u0) + 1, 0)
-    return total
-
-
-def _between_pixels(window: np.ndarray, template: np.ndarray) -> tuple[float, float]:
-    """How far (du, dv) the content of `window` has moved from `template`, both (n, n) and aligned
-    to the nearest pixel: one Gauss-Newton step on the difference of the images at mean 0 and norm
-    1, with the mean of their gradients, which makes it exact to second order; at most half a
-    pixel and a little.
-
-    Source: Benhimane, Malis, *Real-time image-based tracking of planes using efficient
-    second-order minimization*, IROS 2004.
-    """
-    w, t = window.astype(np.float64), template.astype(np.float64)
-    w -= w.mean()
-    t -= t.mean()
-    size = math.sqrt(np.vdot(w, w) * np.vdot(t, t))
-    if size == 0.0:
-        return 0.0, 0.0
-    t *= np.vdot(w, t) / np.vdot(t, t)
-    both, less = w + t, (t - w)[1:-1, 1:-1]
-    x, y = both[1:-1, 2:] - both[1:-1, :-2], both[2:, 1:-1] - both[:-2, 1:-1]
-    xx, xy, yy = float(np.vdot(x, x)), float(np.vdot(x, y)), float(np.vdot(y, y))
-    ex, ey = float(np.vdot(x, less)), float(np.vdot(y, less))
-    det = xx * yy - xy * xy
-    if det <= 1e-9 * xx * yy:
-        return 0.0, 0.0
-    du, dv = 4.0 * (yy * ex - xy * ey) / det, 4.0 * (xx * ey - xy * ex) / det
-    return max(-0.7, min(0.7, du)), max(-0.7, min(0.7, dv))
 
 
 def load_patch(path: str | Path) -> Patch:

@@ -1,1 +1,1 @@
-"""Laws of the filter."""
+"""Laws of the sources."""
