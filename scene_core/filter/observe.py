@@ -231,15 +231,13 @@ def _affine(
     axis, w = X_0[:, :d], X_0[:, d:]
     length = np.linalg.norm(axis, axis=1, keepdims=True)
     unit = axis / length
-    corners = []
-    for shift in step * np.eye(m):
-        for sign in (+0.5, -0.5):
-            z = z0 + sign * shift
-            n = np.zeros((len(z), len(first.unmeasured)))
-            ray = first.backproject(z, n, k0).X[:, :d]
-            facing = np.sum(ray * unit, axis=1, keepdims=True)
-            on_plane = np.concatenate([ray * (length / facing), w], axis=1)
-            X_S = space.to_local(at.xws, space.to_world(pose0, on_plane).X).X
-            corners.append(at.mount.sensor.project(X_S, at.k).h)
-    columns = [(corners[2 * i] - corners[2 * i + 1]) / step for i in range(m)]
-    return np.stack(columns, axis=-1)
+    # All shifted pixels in one batch: (2 m, N) flattened, + and - half a step along each axis.
+    shifts = 0.5 * step * np.concatenate([np.eye(m), -np.eye(m)])
+    z = (z0 + shifts[:, None]).reshape(-1, m)
+    ray = first.backproject(z, np.zeros((len(z), len(first.unmeasured))), k0).X[:, :d]
+    unit, length, w, pose = (np.tile(part, (2 * m, 1)) for part in (unit, length, w, pose0))
+    facing = np.sum(ray * unit, axis=1, keepdims=True)
+    on_plane = np.concatenate([ray * (length / facing), w], axis=1)
+    X_S = space.to_local(at.xws, space.to_world(pose, on_plane).X).X
+    h = at.mount.sensor.project(X_S, at.k).h.reshape(2, m, -1, m)
+    return ((h[0] - h[1]) / step).transpose(1, 2, 0)
