@@ -9,6 +9,7 @@ import numpy as np
 import viser
 
 from scene_core.filter.records import Trace
+from scene_core.session.metrics import pose_estimate
 from scene_core.session.published import Published, RobotSeries
 from web_panels import style
 from web_panels.map_geometry import last_known
@@ -98,12 +99,15 @@ def robot_name(name: str, several: bool) -> str:
     return f" {escape(name)}" if several else ""
 
 
-def pose_rows(estimate: Iterable[float], r: RobotSeries) -> str:
-    """One row per tangent component: estimate, 3 sigma, error."""
-    out, wrong = "", last_known(r.error)
-    for i, (label, unit, value) in enumerate(zip(r.labels, r.units, estimate, strict=True)):
+def pose_rows(
+    estimate: Iterable[float], sds: Iterable[float], r: RobotSeries, complete: bool
+) -> str:
+    """One row per tangent component: estimate, 3 sigma, and the error of a complete frame."""
+    out, wrong = "", last_known(r.error) if complete else None
+    rows = zip(r.labels, r.units, estimate, sds, strict=True)
+    for i, (label, unit, value, one_sd) in enumerate(rows):
         v, u = shown(value, unit)
-        sd = shown(float(3.0 * r.sd[-1, i]), unit)[0]
+        sd = shown(3.0 * float(one_sd), unit)[0]
         gap = "" if u.startswith("°") else " "
         error = "" if wrong is None else _signed(shown(float(wrong[i]), unit)[0])
         out += (
@@ -130,15 +134,16 @@ def pose_card(p: Published) -> str:
     for name, r in p.series.robots.items():
         if not len(r.sd):
             continue
-        robot = p.trace.world.robots[name]
-        space = robot.motion.space
-        xp = p.trace.world.xp(name)
-        estimate = space.difference(xp, space.identity())
-        note = "estimate, 3 sigma" + ("" if r.error is None else ", error")
+        space = p.trace.world.robots[name].motion.space
+        now = pose_estimate(p.trace.world, name)
+        estimate = space.difference(now.xp, space.identity())
+        sds = np.sqrt(np.maximum(np.diag(now.P), 0.0))
+        complete = p.trace.complete
+        note = "estimate, 3 sigma" + (", error" if complete and r.error is not None else "")
         out += (
             '<div class="row" style="margin-top:12px"><span class="h">Robot pose'
             f'{robot_name(name, several)}</span><span class="d">{note}</span></div>'
-            f'<table style="margin:2px 0 12px">{pose_rows(estimate, r)}</table>'
+            f'<table style="margin:2px 0 12px">{pose_rows(estimate, sds, r, complete)}</table>'
         )
         if r.nees is not None:
             out += consistency(r)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -65,12 +66,15 @@ class Clouds:
     """Clouds of successive worlds; remembers where the features are while the layout stays."""
 
     def __init__(self) -> None:
-        self._layout: Layout | None = None
+        self._of: tuple[Layout, list[FeatureModel]] | None = None
         self._rows: list[_Rows] = []
 
     def _rows_of(self, world: World) -> list[_Rows]:
-        if world.gauss.layout is self._layout:
-            return self._rows
+        layout, models = world.gauss.layout, [f.model for f in world.features.values()]
+        if self._of is not None and layout is self._of[0]:
+            # Editing a parameter of a landmark replaces its model and leaves the layout alone.
+            if all(map(operator.is_, models, self._of[1])):
+                return self._rows
         groups: dict[object, tuple[FeatureModel, list[tuple[Label, int]]]] = {}
         for label, f in world.features.items():
             at = world.gauss.layout[f.block].start
@@ -83,7 +87,7 @@ class Clouds:
             )
             for model, members in groups.values()
         ]
-        self._layout = world.gauss.layout
+        self._of = layout, models
         return self._rows
 
     def of(self, world: World, confidence: float, thinnest: float) -> Cloud:

@@ -15,7 +15,7 @@ from web_panels.widgets import Bound, Group, on_command, on_press
 Action = Literal["toggle", "step frame", "step phase", "back", "redo", "reset"]
 
 BUTTONS: tuple[tuple[str, str | None, str, Action, str], ...] = (
-    ("Play", "space", "PLAYER_PLAY", "toggle", "Play, or pause between two phases."),
+    ("Play", "space", "PLAYER_PLAY", "toggle", "Play, or pause at the end of the frame."),
     ("Next frame", "N", "PLAYER_TRACK_NEXT", "step frame", "Finish this frame, or do one more."),
     ("Next phase", "P", "PLAYER_SKIP_FORWARD", "step phase", "Do one phase of the frame and stop."),
     ("Back", "B", "PLAYER_TRACK_PREV", "back", "To the end of the frame before."),

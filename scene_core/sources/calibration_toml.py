@@ -78,7 +78,7 @@ def read_toml(path: Path, images: Path | None) -> Calibration:
 def _camera(path: Path, table: dict[str, Any]) -> Camera:
     model = table.pop("model", None)
     cameras = {name: c for name, c in models("sensors").items() if issubclass(c, Camera)}
-    if model not in cameras:
+    if not isinstance(model, str) or model not in cameras:
         raise SourceError(f"{path}, [camera] model = {model!r}: choose one of {', '.join(cameras)}")
     camera = cameras[model]()
     for name in ("width", "height", "f_u", "f_v", "u0", "v0"):

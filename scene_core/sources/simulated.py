@@ -105,11 +105,11 @@ class Simulation:
             return pictures.searched(raw, query, vision, sensor, calib, pose)
         outlook = self.outlook(query.mount, self.true_states(frame))
         row = {int(identity): k for k, identity in enumerate(outlook.ids)}
+        sensor = self.mounts[query.mount].sensor
+        found = points.match_points(raw, query, lambda h, z: sensor.nu(h, z).nu)
         return [
             match if match.z is None else replace(match, true_z=outlook.h[row[int(identity)]])
-            for match, identity in zip(
-                points.match_identities(raw, query), query.appearance, strict=True
-            )
+            for match, identity in zip(found, query.appearance, strict=True)
         ]
 
     def detect(

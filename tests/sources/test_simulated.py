@@ -56,7 +56,7 @@ def points_of(simulation: Simulation, frames: int) -> list[Points]:
 def query(frame_points: Points, identities: list[int]) -> Query:
     n = len(identities)
     h, S = np.zeros((n, 2)), np.tile(np.eye(2), (n, 1, 1))
-    return Query("c", tuple(range(n)), h, S, 9.0, tuple(identities), S)
+    return Query("c", tuple(range(n)), h, S, 9.0, tuple(identities), S, "identity")
 
 
 @pytest.mark.parametrize("make", [cloister, nomad])
@@ -158,6 +158,20 @@ def test_a_match_knows_where_its_landmark_really_is() -> None:
         assert match.true_z is not None
         np.testing.assert_allclose(match.true_z, h[identity - 1])
     assert matches[-1].z is None and matches[-1].why
+
+
+def test_a_search_in_the_gate_does_not_read_identities() -> None:
+    """An outlier carries the right identity: by identity it is matched, by the gate it is not."""
+    simulation = cloister(disturbances=Disturbances(outliers=1.0))
+    frame, state = simulation.advance(simulation.start(), 0)
+    raw = frame.raw["c"]
+    assert isinstance(raw, Points) and raw.ids is not None
+    asked = query(raw, raw.ids.tolist())
+    asked = replace(asked, h=simulation.outlook("c", state.xv).h[raw.ids - 1])
+    by_identity = simulation.search(frame, replace(asked, how="identity"), Vision())
+    by_gate = simulation.search(frame, replace(asked, how="search"), Vision())
+    assert all(m.z is not None for m in by_identity)
+    assert sum(m.z is not None for m in by_gate) < 0.2 * len(by_gate)
 
 
 def test_new_landmarks_keep_the_margin_and_are_not_offered_twice() -> None:
