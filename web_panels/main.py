@@ -23,6 +23,11 @@ from scene_core.session.session import Session
 from web_panels import gate
 from web_panels.view_loop import ViewLoop
 
+COMMANDS = {
+    "serve": "start the page and print its address; meant when only flags are given",
+    "run": "run an experiment without the page, as fast as possible",
+    "presets": "list the scenarios, or write one as a settings file",
+}
 TOKEN_LENGTH = 8
 """A shorter token could be guessed."""
 
@@ -125,17 +130,36 @@ def serve(options: Serve) -> None:
         server.stop()
 
 
+def overview() -> str:
+    """What `scene --help` says."""
+    lines = "\n".join(f"  {name:<9}{does}" for name, does in COMMANDS.items())
+    return (
+        f"usage: scene [{' | '.join(COMMANDS)}] [OPTIONS]\n\n{lines}\n\n"
+        "scene COMMAND --help lists the options of a command."
+    )
+
+
 def main(args: list[str] | None = None) -> None:
     """Run the command line; flags alone mean `serve`."""
     words = sys.argv[1:] if args is None else args
-    if words and not words[0].startswith("-") and words[0] != "serve":
-        cli.main(words)
-        return
+    command = words[0] if words and not words[0].startswith("-") else "serve"
+    with cli.reader_may_leave():
+        if words[:1] in (["-h"], ["--help"]):
+            print(overview())
+        elif command not in COMMANDS:
+            print(f"scene: no command '{command}': give serve, run or presets", file=sys.stderr)
+            raise SystemExit(2)
+        elif command == "serve":
+            _serve_command(words[1:] if words[:1] == ["serve"] else words)
+        else:
+            cli.main(words)
+
+
+def _serve_command(words: list[str]) -> None:
     logging.basicConfig(format="%(levelname)s: %(message)s")
     # A client that sends garbage loses its connection; that is nobody's traceback.
     logging.getLogger("websockets").setLevel(logging.CRITICAL)
-    rest = words[1:] if words[:1] == ["serve"] else words
-    options = tyro.cli(Serve, args=rest, prog="scene serve", description=Serve.__doc__)
+    options = tyro.cli(Serve, args=words, prog="scene serve", description=Serve.__doc__)
     try:
         serve(options)
     except (ServeError, ParamError, SourceError) as why:

@@ -9,7 +9,8 @@ import json
 import math
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import monotonic, perf_counter
@@ -289,19 +290,29 @@ def main(args: Sequence[str] | None = None) -> None:
         Annotated[Run, tyro.conf.subcommand("run")]
         | Annotated[Presets, tyro.conf.subcommand("presets")]
     )
-    options = tyro.cli(commands, args=args, prog="scene")  # type: ignore[arg-type]
-    threadpool_limits(1)
+    with reader_may_leave():
+        options = tyro.cli(commands, args=args, prog="scene")  # type: ignore[arg-type]
+        threadpool_limits(1)
+        try:
+            run(options) if isinstance(options, Run) else list_presets(options)
+        except (ParamError, SourceError) as e:
+            _leave(f"scene: {e}", 2)
+        except RunError as e:
+            _leave(f"{e.details}scene: {e}", 1)
+        except KeyboardInterrupt:
+            _leave("scene: interrupted", 130)
+
+
+@contextmanager
+def reader_may_leave() -> Iterator[None]:
+    """Leave without a traceback when whoever reads our output has gone (`| head`)."""
     try:
-        run(options) if isinstance(options, Run) else list_presets(options)
-        sys.stdout.flush()
-    except (ParamError, SourceError) as e:
-        _leave(f"scene: {e}", 2)
-    except RunError as e:
-        _leave(f"{e.details}scene: {e}", 1)
-    except KeyboardInterrupt:
-        _leave("scene: interrupted", 130)
+        try:
+            yield
+        finally:
+            sys.stdout.flush()
     except BrokenPipeError:
-        # Whoever read our output has gone (`| head`): nothing is left to say to anybody.
+        # The interpreter flushes once more at its end: that must not fail either.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(1) from None
 
