@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from scene_core.arrays import Vec
-from scene_core.filter.ports import Match
+from scene_core.filter.ports import Match, Points
 from scene_core.filter.records import Association, Event, Predictions, Trace
 from scene_core.filter.select import ranked
 from scene_core.models.base import Fault, Sensor, words
@@ -131,11 +131,13 @@ def _measured(trace: Trace, mount: str, label: int) -> Story:
     if match is None:
         return Story("ink", "selected", f"{at}, {rank}. It is searched next: {NEXT_PHASE}.")
     if match.z is None:
-        return Story("nomatch", "no match", f"{at}, {rank}. {_search_words(match)} {NEXT_PHASE}.")
+        return Story(
+            "nomatch", "no match", f"{at}, {rank}. {_search_words(match, trace)} {NEXT_PHASE}."
+        )
     return Story(
         "ink",
         "matched",
-        f"{at}, {rank}. {_search_words(match)} It meets the gate next: {NEXT_PHASE}.",
+        f"{at}, {rank}. {_search_words(match, trace)} It meets the gate next: {NEXT_PHASE}.",
     )
 
 
@@ -166,10 +168,11 @@ def _not_selected(trace: Trace, seen: Sequence[Predictions], label: int, at: str
     )
 
 
-def _search_words(match: Match) -> str:
-    if match.positions == 0:
-        return "Its measurement is recognised." if match.z is not None else "Looked for."
-    where = f"Searched at {match.positions} positions"
+def _search_words(match: Match, trace: Trace) -> str:
+    if isinstance(trace.frame.raw[match.mount], Points):
+        return _points_words(match, trace.world.policies.association.kind)
+    many = "position" if match.positions == 1 else "positions"
+    where = f"Searched at {match.positions} {many}"
     if match.z is None:
         return f"{where}."
     best = f"{where}: the best correlation (NCC) is {match.score:.2f}, needed {match.threshold:.2f}"
@@ -178,9 +181,19 @@ def _search_words(match: Match) -> str:
     return f"{best}; the second best place has {match.runner_up:.2f}."
 
 
+def _points_words(match: Match, kind: str) -> str:
+    if kind == "identity":
+        return "Looked for by its identity." if match.z is None else "Recognised by its identity."
+    if match.z is None:
+        return "Looked for in its gate."
+    if match.positions == 1:
+        return "The only measurement in its gate."
+    return f"Of {match.positions} measurements in its gate, the nearest that no other feature took."
+
+
 def _judged(sensor: Sensor, a: Association, match: Match | None, at: str, trace: Trace) -> Story:
     state = STATE_OF_VERDICT[a.verdict]
-    searched = "" if match is None else _search_words(match) + " "
+    searched = "" if match is None else _search_words(match, trace) + " "
     known = (
         ""
         if a.wrong is None

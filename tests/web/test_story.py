@@ -12,9 +12,11 @@ from scene_core.params import schema
 from tests.web.traces import (
     MOUNT,
     accepted,
+    associating,
     changed,
     cloister,
     judged,
+    pictured,
     predicted,
     record,
     searched,
@@ -75,15 +77,39 @@ def test_a_match_rejected_by_the_others_is_not_said_to_be_outside_its_own_gate()
 @pytest.mark.parametrize(("runner_up", "suspicious"), [(0.88, True), (0.5, False), (None, False)])
 def test_a_rejected_match_with_an_equal_rival_looks_like_repeated_texture(runner_up, suspicious):
     label = accepted(cloister()).label
-    trace = searched(cloister(), label, score=0.9, runner_up=runner_up, positions=40, threshold=0.8)
+    trace = searched(
+        pictured(cloister()), label, score=0.9, runner_up=runner_up, positions=40, threshold=0.8
+    )
     told = story(judged(trace, label, verdict="rejected", d2=20.0), MOUNT, label)
     assert ("repeated texture" in told.text) is suspicious
     assert "40 positions" in told.text and "0.90" in told.text and "0.80" in told.text
 
 
+@pytest.mark.parametrize(("positions", "words"), [(1, "1 position:"), (2, "2 positions:")])
+def test_positions_are_counted_in_words(positions, words):
+    label = accepted(cloister()).label
+    told = story(searched(pictured(cloister()), label, positions=positions), MOUNT, label)
+    assert f"Searched at {words}" in told.text
+
+
+@pytest.mark.parametrize(
+    ("kind", "positions", "words"),
+    [
+        ("identity", 1, "Recognised by its identity"),
+        ("search", 1, "The only measurement in its gate"),
+        ("search", 3, "Of 3 measurements in its gate, the nearest"),
+    ],
+)
+def test_a_matched_point_is_told_without_a_correlation(kind, positions, words):
+    label = accepted(cloister()).label
+    trace = searched(associating(cloister(), kind), label, positions=positions)
+    told = story(trace, MOUNT, label)
+    assert words in told.text and "NCC" not in told.text
+
+
 def test_no_match_gives_the_reason_and_when_it_will_be_forgotten():
     label = accepted(cloister()).label
-    trace = searched(cloister(), label, z=None, score=0.61, positions=212, threshold=0.8)
+    trace = searched(pictured(cloister()), label, z=None, score=0.61, positions=212, threshold=0.8)
     trace = judged(
         trace, label, verdict="no match", z=None, nu=None, d2=None, why="best NCC below 0.80"
     )

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 
-from scene_core.filter.ports import Match
+from scene_core.filter.ports import Image, Match
 from scene_core.filter.records import Association, Phase, PhaseRecord, Predictions, Trace
 from scene_core.models.base import Fault
 from scene_core.session.presets import PRESETS
@@ -64,6 +64,20 @@ def searched(trace: Trace, label: int, **fields: Any) -> Trace:
         replace(m, **fields) if m.label == label else m for m in record(trace, "search").matches
     )
     return changed(trace, "search", matches=found)
+
+
+def pictured(trace: Trace) -> Trace:
+    """The trace as if its sensor had sent an image."""
+    raw = {MOUNT: Image(np.zeros((480, 640), np.uint8))}
+    return replace(trace, frame=replace(trace.frame, raw=raw))
+
+
+def associating(trace: Trace, kind: Literal["identity", "search"]) -> Trace:
+    """The trace of an estimator with another association."""
+    policies = trace.world.policies
+    policies = replace(policies, association=replace(policies.association, kind=kind))
+    world = replace(trace.world, policies=policies)
+    return changed(trace, trace.records[-1].phase, world=world)
 
 
 def predicted(trace: Trace, label: int, fault: Fault | None = None, selected: bool = True) -> Trace:
