@@ -11,6 +11,9 @@ from web_panels import mathml as mm
 from web_panels.story import Story
 from web_panels.style import HEX, escape, gate_words, number, shown
 
+CARD_PX, SYMBOLS_PX, DIGIT_PX = 405.0, 268.0, 8.0
+"""What the card has room for, what d2's equation takes without its numbers, and one digit more."""
+
 
 def _spec(a: np.ndarray) -> str:
     """Enough places for the larger numbers of a matrix."""
@@ -18,29 +21,48 @@ def _spec(a: np.ndarray) -> str:
     return ".1f" if top >= 10 else ".2f" if top >= 1 else ".4f" if top >= 1e-2 else ".1e"
 
 
+def _short_spec(a: np.ndarray) -> str:
+    """Three significant digits of the largest number at most."""
+    top = float(np.abs(a).max(initial=0.0))
+    for least, spec in ((99.95, ".0f"), (9.995, ".1f"), (0.9995, ".2f"), (0.09995, ".3f")):
+        if top >= least:
+            return spec
+    return ".4f" if top >= 1e-2 else ".1e"
+
+
+def _zoom(nu: np.ndarray, S: np.ndarray, d2: str) -> float:
+    """What makes d2 = nu' S^-1 nu as wide as its card, if it is wider."""
+    columns = [nu, nu, *S.T]
+    specs = [_short_spec(nu)] * 2 + [_short_spec(S)] * len(S)
+    widest = (max(len(format(v, f)) for v in c) for c, f in zip(columns, specs, strict=True))
+    return min(1.0, CARD_PX / (SYMBOLS_PX + DIGIT_PX * (len(d2) + sum(widest))))
+
+
 def equation(a: Association | None, told: Story, sensor: Sensor) -> str:
     """d2 = nu' S^-1 nu with its numbers, and the bar against the gate."""
     if a is None or a.nu is None or a.d2 is None or a.gate is None:
         return ""
     nu, S = mm.symbol("\N{GREEK SMALL LETTER NU}", bold=True), mm.symbol("S", bold=True)
-    angles = "rad" in sensor.units
+    angles, d2 = "rad" in sensor.units, f"{a.d2:.1f}"
     equation = mm.formula(
         mm.power(mm.symbol("d"), "<mn>2</mn>"),
         mm.op("="),
         mm.transposed(nu) + mm.inverse(S) + nu,
         mm.op("="),
-        mm.transposed(mm.numbers(a.nu, _spec(a.nu))),
-        mm.inverse(mm.numbers(a.S, _spec(a.S))),
-        mm.numbers(a.nu, _spec(a.nu)),
+        mm.transposed(mm.numbers(a.nu, _short_spec(a.nu))),
+        mm.inverse(mm.numbers(a.S, _short_spec(a.S))),
+        mm.numbers(a.nu, _short_spec(a.nu)),
         mm.op("="),
-        mm.value(f"{a.d2:.1f}", HEX[told.state]),
+        mm.value(d2, HEX[told.state]),
     )
+    zoom = _zoom(a.nu, a.S, d2)
     units = '<div class="d" style="font-size:10px">angles in rad here</div>' if angles else ""
     words = gate_words(a.d2, a.gate, a.dof, a.confidence)
     first, _, rest = words.partition(" (")
     return (
         '<div class="card" style="margin-top:8px"><div style="text-align:center;padding:2px 0 4px;'
-        f'overflow-x:auto">{equation}{units}</div>{gate_bar(a.d2, a.gate, HEX[told.state])}'
+        f'overflow-x:auto"><span style="zoom:{zoom:.2f}">{equation}</span>{units}</div>'
+        f"{gate_bar(a.d2, a.gate, HEX[told.state])}"
         f'<div style="text-align:center;margin-top:3px"><b>{first}</b> '
         f'<span class="d">({rest}</span></div></div>'
     )

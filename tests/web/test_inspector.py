@@ -56,6 +56,19 @@ def test_the_numbers_are_those_of_the_association():
     assert "<math>" in page
 
 
+@pytest.mark.parametrize("scale", [1e-6, 0.0123, 0.123, 1.23, 123.4])
+def test_the_equation_has_three_digits_at_most(scale):
+    a = accepted(cloister())
+    nu, S = scale * np.array([-1.0, 0.5]), scale**2 * np.array([[1.0, -0.2], [-0.2, 0.5]])
+    page = inspector_html(judged(cloister(), a.label, nu=nu, S=S), a.label, own_choice=False)
+    well_formed(page)
+    maths = re.findall(r"<mtd>(.*?)</mtd>", page)
+    assert maths
+    for cell in maths:
+        mantissa = text(cell).strip(" \N{MINUS SIGN}").partition("e")[0]
+        assert len(mantissa.replace(".", "").lstrip("0")) <= 3 or scale > 100
+
+
 def test_every_block_of_h_is_there_with_its_name():
     a = accepted(cloister())
     (p,) = (p for p in cloister().predictions(MOUNT) if a.label in p.row)
