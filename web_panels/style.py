@@ -103,6 +103,7 @@ div:has(>div>.mantine-Button-root[data-block])>div:not(:has(>.mantine-Button-roo
 div:nth-child(odd of :has(>.mantine-Button-root[data-block])){margin-right:3px!important}
 div:nth-child(even of :has(>.mantine-Button-root[data-block])){margin-left:3px!important}
 .mantine-Button-root{padding-inline:4px!important}.mantine-Button-label{font-size:13px}
+.mantine-ScrollArea-content:has(.mantine-ScrollArea-root){padding-right:9px}
 label{letter-spacing:0!important}
 #scene-legend{position:fixed;z-index:5;pointer-events:none}
 .e .maplegend{display:inline-block;background:color-mix(in srgb,var(--card) 85%,transparent);
