@@ -41,7 +41,7 @@ STATE_OF_VERDICT: Mapping[Verdict, str] = {
 
 EVENT_COLOUR: Mapping[str, str] = {
     "born": "partial",
-    "converted": "accepted",
+    "converted": "truth",
     "deleted": "unselected",
     "rejected": "rejected",
     "no match": "nomatch",
