@@ -65,13 +65,16 @@ class ModelsPanel:
         if shape != self.shape:
             self._rebuild(p)
             self.shape = shape
+        about = p.experiment.about
+        # After a start the head, which is above every tab, says what the scenario is about.
+        is_said = bool(about) and p.message.startswith(about)
+        rest = "" if is_said else f' &nbsp;<span class="d">{escape(about)}</span>'
         self.about.content = style.block(
-            f"<b>{escape(p.experiment.name)}</b> &nbsp;"
-            f'<span class="d">{escape(p.experiment.about)}</span>',
-            "padding:8px 10px 2px",
+            f"<b>{escape(p.experiment.name)}</b>{rest}", "padding:8px 10px 2px"
         )
         self.preset.show(p.experiment.name)
         for role in p.roles:
             self.bound[role.role].show(role.current)
-        text = escape(p.message) or '<span class="d">A swap says here what it kept.</span>'
+        text = "" if is_said else escape(p.message)
+        text = text or '<span class="d">A swap says here what it kept.</span>'
         self.note.content = style.block(f'<div class="card">{text}</div>', "padding:6px 4px")
