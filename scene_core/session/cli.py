@@ -11,7 +11,7 @@ import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from time import monotonic, perf_counter
 from typing import Annotated, Any, NoReturn
@@ -21,7 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from scene_core.filter.ports import EndOfData, SourceError
 from scene_core.params import ParamError, get
-from scene_core.session import presets, toml_io
+from scene_core.session import presets, toml_io, units
 from scene_core.session.alignment import Alignment
 from scene_core.session.config import Experiment
 from scene_core.session.edits import set_param, with_seed
@@ -153,9 +153,21 @@ def _edited(experiment: Experiment, edit: str) -> Experiment:
         raise ParamError(f"--set {edit}: write path=value, e.g. {presets.EXAMPLE_EDIT}")
     path, text = path.strip(), text.strip()
     try:
+        path = _without_unit(experiment, path)
         return set_param(experiment, path, parsed(text, get(experiment, path)))
     except ParamError as e:
         raise ParamError(f"--set {edit}: {e}") from e
+
+
+def _without_unit(experiment: Experiment, path: str) -> str:
+    """The path to a parameter that may be named as in a settings file, where keys carry units."""
+    parent, _, name = path.rpartition(".")
+    owner = get(experiment, parent) if parent else experiment
+    if is_dataclass(owner):
+        for f in fields(owner):
+            if "param" in f.metadata and units.key(f.name, f.metadata["param"]["unit"]) == name:
+                return f"{parent}.{f.name}" if parent else f.name
+    return path
 
 
 def parsed(text: str, old: Any) -> Any:

@@ -30,11 +30,13 @@ COUNTS = (
     "rejected",
     "no_match",
     "wrong",
+    "known",
     "gated",
     "d2",
     "dof",
 )
-"""Per frame; `gated` matches were put to the gate, `d2` and `dof` are their sums."""
+"""Per frame; `known` matches are right or wrong for certain, `gated` matches were put to the gate,
+`d2` and `dof` are their sums."""
 _EVENT_COUNTS = {"born": "initialised", "converted": "converted", "deleted": "deleted"}
 _VERDICT_COUNTS = {"accepted": "accepted", "rejected": "rejected", "no match": "no_match"}
 
@@ -285,6 +287,7 @@ def count(trace: Trace) -> Counter[str]:
         if a.verdict in _VERDICT_COUNTS:
             out[_VERDICT_COUNTS[a.verdict]] += 1
         out["wrong"] += bool(a.wrong)
+        out["known"] += a.wrong is not None
         if a.d2 is not None and a.verdict in ("accepted", "rejected"):
             out["gated"] += 1
             out["d2"] += a.d2  # type: ignore[assignment]

@@ -139,7 +139,8 @@ def summary(figures: dict[str, Any], totals: dict[str, int]) -> str:
         (
             "matches",
             f"{figures['accepted']} accepted, {figures['rejected']} rejected, "
-            f"{totals['no_match']} not found, {totals['wrong']} wrong",
+            f"{totals['no_match']} not found"
+            + (f", {totals['wrong']} wrong" if totals["known"] else ""),
         ),
         ("alignment", figures["align"]),
         ("position", f"rmse {shown('pos_rmse_m', 'm')}, at the end {shown('pos_end_m', 'm')}"),

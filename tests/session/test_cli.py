@@ -13,6 +13,8 @@ import pytest
 from scene_core.params import ParamError
 from scene_core.session import cli, presets, toml_io
 from scene_core.session.cli import SourceOptions, experiment_from, main, parsed
+from scene_core.session.report import report, summary
+from scene_core.session.session import Session
 
 SD = "estimator.robots.nomad.motion.sd_v"
 
@@ -205,6 +207,22 @@ def test_every_flag_is_explained() -> None:
     for options in (cli.SourceOptions, cli.Run):
         docs = field_docs(options)
         assert all(name in docs for name in options.__dataclass_fields__ if name != "source")
+
+
+def test_a_parameter_can_be_named_with_its_unit() -> None:
+    path = SD.replace("sd_v", "unknown_sd_v")
+    named = experiment_from(SourceOptions("nomad", set=(f"{path}=1.5",)))
+    assert experiment_from(SourceOptions("nomad", set=(f"{path}_m_per_s=1.5",))) == named
+    assert named != presets.build("nomad")
+
+
+def test_wrong_matches_are_counted_only_where_somebody_knows() -> None:
+    session = Session(presets.build("line"))
+    session.advance()
+    session.advance()
+    figures, totals = report(session, 1.0), session.metrics.totals()
+    assert totals["known"] > 0 and " wrong" in summary(figures, totals)
+    assert " wrong" not in summary(figures, {**totals, "known": 0})
 
 
 def test_edits_apply_in_order() -> None:
