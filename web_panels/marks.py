@@ -19,6 +19,7 @@ from scene_core.geometry.ellipses import sigma
 from scene_core.models.base import Fault
 from scene_core.session.published import Published
 from web_panels.style import STATE_OF_VERDICT
+from web_panels.verdicts import outcomes
 
 PENDING = "ink"
 """Palette key of a feature that is selected but not judged yet (stepping by phase)."""
@@ -81,11 +82,7 @@ def patch_side(feature: Feature) -> int:
 
 def verdicts(trace: Trace, mount: str) -> Mapping[int, Association]:
     """The latest verdict on each feature: of the update, or of the gate when stepping by phase."""
-    out: dict[int, Association] = {}
-    for record in trace.records:
-        if record.mount == mount:
-            out.update({a.label: a for a in record.associations})
-    return out
+    return {label: a for (seen_by, label), a in outcomes(trace).items() if seen_by == mount}
 
 
 def matches(trace: Trace, mount: str) -> Mapping[int, Match]:
