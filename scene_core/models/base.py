@@ -18,7 +18,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from enum import IntFlag
 from functools import cache
-from typing import Any, ClassVar, NamedTuple, TypeVar
+from typing import Any, ClassVar, Literal, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -134,10 +134,19 @@ class Initialised(NamedTuple):
 
 
 class Primitive(NamedTuple):
-    """Homogeneous point X (..., d+1) of a feature state, in the frame the state is in."""
+    """Homogeneous point X (..., d+1), or the two points of a line (..., 2 (d+1)), of a feature
+    state, in the frame the state is in."""
 
     X: Vec
     dX_by_dy: Mat | None = None
+
+
+class FreePrimitive(NamedTuple):
+    """A homogeneous point X (..., d+1) of a state y and free parameters lam."""
+
+    X: Vec
+    dX_by_dy: Mat | None = None
+    dX_by_dlam: Mat | None = None
 
 
 class Converted(NamedTuple):
@@ -145,6 +154,21 @@ class Converted(NamedTuple):
 
     y: Vec
     dy_by_dy: Mat | None = None
+
+
+class Settled(NamedTuple):
+    """The same for a state whose free parameters have become certain enough."""
+
+    y: Vec
+    dy_by_dy: Mat | None = None
+    dy_by_dlam: Mat | None = None
+
+
+class Particles(NamedTuple):
+    """A distribution over free parameters: lam (K, f) with weights w (K,) that sum to one."""
+
+    lam: Vec
+    w: Vec
 
 
 class Glyphs(NamedTuple):
@@ -309,15 +333,28 @@ class Sensor(ABC):
         return h + (L @ rng.standard_normal(h.shape)[..., None])[..., 0]
 
 
+Shape = Literal["point", "segment"]
+
+
 class FeatureModel(ABC):
-    """A landmark parametrisation: y -> homogeneous point. Batched."""
+    """A landmark parametrisation: y -> homogeneous point, or two of them for a line. Batched.
+
+    The two points of a segment travel as one vector X (..., 2 (d+1)). A model with free parameters
+    (`free_labels`) is *partial*: particles carry them, its block of the state is left alone by
+    updates, and `point` takes the place of `primitive` until it has `settled`.
+    """
 
     name: ClassVar[str]
     space: ClassVar[Space]
+    shape: ClassVar[Shape] = "point"
     state_labels: ClassVar[tuple[str, ...]]
     state_units: ClassVar[tuple[str, ...]]
+    free_labels: ClassVar[tuple[str, ...]] = ()
+    """Parameters that particles carry; none for a complete parametrisation."""
+    free_units: ClassVar[tuple[str, ...]] = ()
     unmeasured: ClassVar[tuple[str, ...]] = ()
-    """What may be missing from a first measurement because `prior` supplies it."""
+    """What may be missing from a first measurement because `prior` or the particles supply it; for
+    a segment what is missing from either end, e.g. ("rho",)."""
 
     @property
     def state_size(self) -> int:
@@ -328,7 +365,10 @@ class FeatureModel(ABC):
         return None
 
     def prior(self) -> tuple[Vec, Mat]:
-        """Mean n and covariance N of `unmeasured`."""
+        """Mean n and covariance N of `unmeasured`; of both ends of a segment one after the other.
+
+        A partial model leaves to the particles what has the covariance zero here.
+        """
         return np.zeros(0), np.zeros((0, 0))
 
     @abstractmethod
@@ -338,7 +378,8 @@ class FeatureModel(ABC):
 
     @abstractmethod
     def primitive(self, y: Vec) -> Primitive:
-        """Homogeneous point of y, in the frame y is expressed in; w >= 0."""
+        """Homogeneous point of y, in the frame y is expressed in; w >= 0. For a segment two points
+        that span its line."""
 
     @abstractmethod
     def redefine(self, y: Vec, xpdef: Vec) -> Redefined:
@@ -359,6 +400,41 @@ class FeatureModel(ABC):
     def convert(self, y: Vec) -> Converted:
         """y in the successor's parametrisation."""
         raise NotImplementedError(f"{self.name} has no successor")
+
+    # Segments only.
+
+    def ends(self, y: Vec, t: Vec) -> Vec:
+        """Homogeneous points X (..., 2 (d+1)) at the places t (..., 2) along the line."""
+        raise NotImplementedError(f"{self.name} is no line")
+
+    def along(self, y: Vec, origin: Vec, rays: Vec) -> Vec:
+        """Places t (..., 2) on the line nearest to two rays (..., 2, d) from `origin` (d,)."""
+        raise NotImplementedError(f"{self.name} is no line")
+
+    # Partial features only.
+
+    def particles0(self) -> Particles:
+        """The free parameters after the first view."""
+        raise NotImplementedError(f"{self.name} has no free parameters")
+
+    def point(self, y: Vec, lam: Vec) -> FreePrimitive:
+        """Homogeneous point of y (..., n) and lam (..., f)."""
+        raise NotImplementedError(f"{self.name} has no free parameters")
+
+    def moments(self, particles: Particles) -> tuple[Vec, Mat]:
+        """Mean (f,) and covariance (f, f) of the free parameters."""
+        lam, w = particles
+        mean = w @ lam
+        e = lam - mean
+        return mean, (w[:, None] * e).T @ e
+
+    def settled(self, y: Vec, particles: Particles) -> bool:
+        """Whether the particles have collapsed far enough for `settle` to be linear."""
+        return False
+
+    def settle(self, y: Vec, lam: Vec) -> Settled:
+        """y and lam in the successor's parametrisation."""
+        raise NotImplementedError(f"{self.name} has no free parameters")
 
 
 class InternalMeasurementModel(ABC):
