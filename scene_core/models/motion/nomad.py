@@ -8,6 +8,7 @@ import numpy as np
 
 from scene_core.arrays import Mat, Vec
 from scene_core.geometry.spaces import TWO_D, wrap
+from scene_core.models import planar
 from scene_core.models.base import (
     Lifted,
     MotionModel,
@@ -102,21 +103,10 @@ class PlanarNomad(MotionModel):
         return PositionState(xv[[0, 1, 3]], np.eye(4)[[0, 1, 3]])
 
     def redefine(self, xv: Vec, xpdef: Vec) -> Redefined:
-        c, s = np.cos(xpdef[2]), np.sin(xpdef[2])
-        dz, dx = xv[0] - xpdef[0], xv[1] - xpdef[1]
-        z, x = c * dz + s * dx, c * dx - s * dz
-        value = np.array([z, x, wrap(xv[2] - xpdef[2]), wrap(xv[3] - xpdef[2])])
-        by_state = np.eye(4)
-        by_state[:2, :2] = [[c, s], [-s, c]]
-        by_xpdef = np.zeros((4, 3))
-        by_xpdef[:2, :2] = -by_state[:2, :2]
-        by_xpdef[:, 2] = [x, -z, -1.0, -1.0]
-        return Redefined(value, by_state, by_xpdef)
+        return planar.redefine(xv, xpdef, directions=[2, 3])
 
     def normalise(self, xv: Vec) -> Normalised:
-        out = xv.copy()
-        out[2:] = wrap(out[2:])
-        return Normalised(out, np.eye(4))
+        return planar.normalise(xv, directions=[2, 3])
 
     def lift(self, xp: Vec) -> Lifted:
         # fmt: off
@@ -132,12 +122,9 @@ class PlanarNomad(MotionModel):
 
     def navigate(self, xv: Vec, goal: Vec, dt: float) -> Vec | None:
         """Steer to `goal` (z, x) [m], slowly while it is not ahead; the turret follows."""
-        dz, dx = float(goal[0] - xv[0]), float(goal[1] - xv[1])
-        distance = np.hypot(dz, dx)
-        if distance <= self.arrive:
+        ahead = planar.goal_from(xv[:2], xv[2], goal, self.arrive)
+        if ahead is None:
             return None
-        error = wrap(np.arctan2(dx, dz) - xv[2])
-        dS = np.clip(error, -self.turn_rate * dt, self.turn_rate * dt)
-        dT = np.clip(wrap(xv[2] + dS - xv[3]), -2 * self.turn_rate * dt, 2 * self.turn_rate * dt)
-        v = min(self.cruise, distance / dt) * max(0.0, np.cos(error - dS))
-        return np.array([v, dS, dT])
+        dS = planar.limited(ahead.bearing, self.turn_rate, dt)
+        dT = planar.limited(float(wrap(xv[2] + dS - xv[3])), 2.0 * self.turn_rate, dt)
+        return np.array([planar.cruising(ahead, dS, self.cruise, dt), dS, dT])

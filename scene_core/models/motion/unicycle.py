@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from scene_core.arrays import Mat, Vec
-from scene_core.geometry.spaces import TWO_D, relative, wrap
+from scene_core.geometry.spaces import TWO_D, wrap
+from scene_core.models import planar
 from scene_core.models.base import (
     Lifted,
     MotionModel,
@@ -18,21 +19,6 @@ from scene_core.models.base import (
 )
 from scene_core.models.sampling import noisy_process
 from scene_core.params import param
-
-
-def _arc(a: float) -> tuple[float, float, float, float]:
-    """S = sin(a)/a and C = (1 - cos(a))/a with dS/da and dC/da, finite at a = 0."""
-    if abs(a) < 1e-2:
-        a2 = a * a
-        return (
-            1.0 - a2 / 6 + a2 * a2 / 120,
-            a * (0.5 - a2 / 24 + a2 * a2 / 720),
-            a * (-1 / 3 + a2 / 30 - a2 * a2 / 840),
-            0.5 - a2 / 8 + a2 * a2 / 144,
-        )
-    sin, cos = np.sin(a), np.cos(a)
-    S, C = sin / a, 2.0 * np.sin(0.5 * a) ** 2 / a
-    return S, C, (cos - S) / a, (sin - C) / a
 
 
 @dataclass(frozen=True)
@@ -73,20 +59,13 @@ class PlanarUnicycle(MotionModel):
     """A waypoint counts as reached within this distance."""
 
     def f(self, xv: Vec, u: Vec, dt: float, k: Vec) -> Transition:
-        c, s = np.cos(xv[2]), np.sin(xv[2])
-        way = u[0] * dt
-        S, C, dS, dC = _arc(float(u[1]) * dt)
-        dz, dx = S * c - C * s, S * s + C * c
-        fv = xv + np.array([way * dz, way * dx, u[1] * dt])
-        fv[2] = wrap(fv[2])
-        # fmt: off
-        dfv_by_dxv = np.array([[1.0, 0.0, -way * dx],
-                               [0.0, 1.0,  way * dz],
-                               [0.0, 0.0,       1.0]])
-        dfv_by_du = np.array([[dt * dz, way * dt * (dS * c - dC * s)],
-                              [dt * dx, way * dt * (dS * s + dC * c)],
-                              [    0.0,                           dt]])
-        # fmt: on
+        arc = planar.arc(xv[2], u[0] * dt, u[1] * dt)
+        fv = np.append(xv[:2] + arc.step, wrap(xv[2] + u[1] * dt))
+        dfv_by_dxv = np.eye(3)
+        dfv_by_dxv[:2, 2] = arc.by_phi
+        dfv_by_du = np.zeros((3, 2))
+        dfv_by_du[:2, 0], dfv_by_du[:2, 1] = dt * arc.by_way, dt * arc.by_turn
+        dfv_by_du[2, 1] = dt
         return Transition(fv, dfv_by_dxv, dfv_by_du, np.zeros((3, 0)))
 
     def Q(self, xv: Vec, u: Vec, dt: float, k: Vec) -> Mat:
@@ -102,11 +81,10 @@ class PlanarUnicycle(MotionModel):
         return PositionState(xv, np.eye(3))
 
     def redefine(self, xv: Vec, xpdef: Vec) -> Redefined:
-        seen = relative(TWO_D, xpdef, xv)
-        return Redefined(seen.x, seen.by_b, seen.by_a)
+        return planar.redefine(xv, xpdef, directions=[2])
 
     def normalise(self, xv: Vec) -> Normalised:
-        return Normalised(*TWO_D.normalise(xv))
+        return planar.normalise(xv, directions=[2])
 
     def lift(self, xp: Vec) -> Lifted:
         return Lifted(xp, np.eye(3), np.zeros((3, 3)))
@@ -116,10 +94,8 @@ class PlanarUnicycle(MotionModel):
 
     def navigate(self, xv: Vec, goal: Vec, dt: float) -> Vec | None:
         """Turn to `goal` (z, x) [m] and drive, slowly while it is not ahead."""
-        dz, dx = float(goal[0] - xv[0]), float(goal[1] - xv[1])
-        distance = np.hypot(dz, dx)
-        if distance <= self.arrive:
+        ahead = planar.goal_from(xv[:2], xv[2], goal, self.arrive)
+        if ahead is None:
             return None
-        error = wrap(np.arctan2(dx, dz) - xv[2])
-        w = np.clip(error / dt, -self.turn_rate, self.turn_rate)
-        return np.array([min(self.cruise, distance / dt) * max(0.0, np.cos(error)), w])
+        w = planar.limited(ahead.bearing, self.turn_rate, dt) / dt
+        return np.array([planar.cruising(ahead, 0.0, self.cruise, dt), w])
