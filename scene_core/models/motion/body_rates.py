@@ -1,0 +1,84 @@
+"""A body in space whose velocity and turn rate are measured on board."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scene_core.arrays import Mat, Vec
+from scene_core.geometry import quaternion
+from scene_core.geometry.spaces import THREE_D, relative
+from scene_core.models.base import (
+    Lifted,
+    MotionModel,
+    Normalised,
+    PositionState,
+    Redefined,
+    Transition,
+)
+from scene_core.models.sampling import noisy_process
+from scene_core.params import param
+
+
+@dataclass(frozen=True)
+class BodyRates(MotionModel):
+    """Velocity and turn rate, both in the robot's frame, held over dt.
+
+    r' = r + R(q) v dt;  q' = q * q(w dt)
+
+    xv = xp = (x, y, z, qw, qx, qy, qz) [m, 1]; u = (vx, vy, vz, wx, wy, wz) [m/s, rad/s].
+    U = diag(sd_v^2, sd_w^2) for every control sample, however long it is held; Q = 0.
+
+    Source: Solà, *An EKF-SLAM toolbox in Matlab*, motion model "odometry", its increments being
+    rates times dt; the log it is made for: T. Barfoot, *Starry Night*.
+    """
+
+    name = "body rates"
+    space = THREE_D
+    state_labels = THREE_D.labels
+    state_units = THREE_D.units
+    control_labels = ("vx", "vy", "vz", "wx", "wy", "wz")
+    control_units = ("m/s", "m/s", "m/s", "rad/s", "rad/s", "rad/s")
+
+    sd_v: float = param(0.05, unit="m/s", lo=0.0, hi=10.0, soft=(0.0, 0.5), label="Speed noise")
+    """Standard deviation of every component of the velocity in one control sample."""
+    sd_w: float = param(0.05, unit="rad/s", lo=0.0, hi=20.0, soft=(0.0, 0.5), label="Turn noise")
+    """Standard deviation of every component of the turn rate in one control sample."""
+    unknown_sd_v: float = param(1.0, unit="m/s", lo=0.0, hi=10.0, soft=(0.0, 3.0))
+    """Standard deviation of the velocity while nobody measures it."""
+    unknown_sd_w: float = param(1.0, unit="rad/s", lo=0.0, hi=20.0, soft=(0.0, 3.0))
+    """Standard deviation of the turn rate while nobody measures it."""
+
+    def f(self, xv: Vec, u: Vec, dt: float, k: Vec) -> Transition:
+        turn, dturn = quaternion.from_rotation_vector(u[3:] * dt)
+        step = THREE_D.compose(xv, np.concatenate([u[:3] * dt, turn]))
+        dfv_by_du = np.empty((7, 6))
+        dfv_by_du[:, :3] = step.by_b[:, :3] * dt
+        dfv_by_du[:, 3:] = step.by_b[:, 3:] @ dturn * dt
+        return Transition(step.x, step.by_a, dfv_by_du, np.zeros((7, 0)))
+
+    def Q(self, xv: Vec, u: Vec, dt: float, k: Vec) -> Mat:
+        return np.zeros((7, 7))
+
+    def U(self, u: Vec, dt: float) -> Mat:
+        return np.diag([self.sd_v**2] * 3 + [self.sd_w**2] * 3)
+
+    def U_unknown(self, dt: float) -> Mat:
+        return np.diag([self.unknown_sd_v**2] * 3 + [self.unknown_sd_w**2] * 3)
+
+    def xp(self, xv: Vec, hook: str = "base") -> PositionState:
+        return PositionState(xv, np.eye(7))
+
+    def redefine(self, xv: Vec, xpdef: Vec) -> Redefined:
+        seen = relative(THREE_D, xpdef, xv)
+        return Redefined(seen.x, seen.by_b, seen.by_a)
+
+    def normalise(self, xv: Vec) -> Normalised:
+        return Normalised(*THREE_D.normalise(xv))
+
+    def lift(self, xp: Vec) -> Lifted:
+        return Lifted(xp, np.eye(7), np.zeros((7, 7)))
+
+    def f_noisy(self, xv: Vec, u: Vec, dt: float, k: Vec, rng: np.random.Generator) -> Vec:
+        return noisy_process(self, xv, u, dt, k, rng)
