@@ -7,7 +7,6 @@ with its mount rotated by pi about z.
 from __future__ import annotations
 
 import dataclasses
-import math
 from abc import abstractmethod
 from dataclasses import dataclass
 from typing import NamedTuple, Self
@@ -16,6 +15,7 @@ import numpy as np
 
 from scene_core.arrays import Mat, Vec
 from scene_core.geometry.spaces import THREE_D
+from scene_core.models import first_view
 from scene_core.models.base import Backprojection, Fault, Projection, Sensor
 from scene_core.params import param
 
@@ -30,11 +30,10 @@ class Lens(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Camera(Sensor):
-    """A central camera: h = image(p, k), p = (x / z, y / z).
+class CentralCamera(Sensor):
+    """A camera whose rays all meet in one point, whatever its lens.
 
-    w does not enter: a point at infinity is as good as any. Final cameras supply the lens from p
-    to pixels and back.
+    w does not enter: a point at infinity is as good as any.
     """
 
     space = THREE_D
@@ -52,10 +51,6 @@ class Camera(Sensor):
     """Column of the optical axis, from the image's left border."""
     v0: float = param(125.0, unit="px", lo=-16384.0, hi=16384.0, soft=(80.0, 160.0))
     """Row of the optical axis, from the image's top border."""
-    f_u: float = param(195.0, unit="px", lo=1.0, hi=1e5, soft=(50.0, 800.0), label="f u")
-    """Focal length in columns: pixels per unit of x / z near the axis."""
-    f_v: float = param(195.0, unit="px", lo=1.0, hi=1e5, soft=(50.0, 800.0), label="f v")
-    """Focal length in rows."""
     sd_px: float = param(1.0, unit="px", lo=1e-4, hi=100.0, soft=(0.1, 5.0), label="Pixel noise")
     """Standard deviation of a measured position, in columns and in rows."""
     border: float = param(0.0, unit="px", lo=0.0, hi=1000.0, soft=(0.0, 60.0), label="Border")
@@ -82,6 +77,44 @@ class Camera(Sensor):
     def with_calib(self, k: Vec) -> Self:
         """The same camera with calib0 = k."""
 
+    def behind(self, X: Vec) -> np.ndarray:
+        """Where points X (..., 4) are behind the lens, so that their h means nothing."""
+        return X[..., 2] <= 0.0
+
+    def in_domain(self, X: Vec) -> np.ndarray | bool:
+        """Where points X (..., 4) that are not behind lie on the part of the lens that maps one to
+        one; one beyond is not seen though its h may lie inside the image. True: everywhere."""
+        return True
+
+    def R(self, h: Vec) -> Mat:
+        return np.broadcast_to(self.sd_px**2 * np.eye(2), (*h.shape[:-1], 2, 2))
+
+    def visibility(self, h: Vec, X: Vec, xws: Vec, pose0: Vec, y_X: Vec) -> np.ndarray:
+        """BEHIND the lens, OUTSIDE the image less its border, SCALE and ANGLE against the first
+        view (`first_view.faults`)."""
+        low = (self.border, self.border)
+        high = (self.width - self.border, self.height - self.border)
+        outside = ((h < low) | (h > high)).any(-1)
+        domain = self.in_domain(X)
+        if domain is not True:
+            outside = outside | ~np.asarray(domain)
+        fault = np.where(self.behind(X), int(Fault.BEHIND), outside * int(Fault.OUTSIDE))
+        return fault | first_view.faults(xws, pose0, y_X, self.max_scale, self.max_angle)
+
+
+@dataclass(frozen=True)
+class Camera(CentralCamera):
+    """A camera with focal lengths: h = image(p, k), k = (u0, v0, fu, fv, ...), p = (x / z, y / z).
+
+    Final cameras supply the lens from p to pixels and back; one that takes other coordinates than
+    p says so, and projects by them.
+    """
+
+    f_u: float = param(195.0, unit="px", lo=1.0, hi=1e5, soft=(50.0, 800.0), label="f u")
+    """Focal length in columns: pixels per unit of x / z near the axis."""
+    f_v: float = param(195.0, unit="px", lo=1.0, hi=1e5, soft=(50.0, 800.0), label="f v")
+    """Focal length in rows."""
+
     @abstractmethod
     def image(self, p: Vec, k: Vec) -> Lens:
         """Pixels h (..., 2) of p = (x / z, y / z) (..., 2)."""
@@ -89,11 +122,6 @@ class Camera(Sensor):
     @abstractmethod
     def unimage(self, h: Vec, k: Vec) -> Lens:
         """p (..., 2) seen at pixels h (..., 2)."""
-
-    def in_domain(self, X: Vec) -> np.ndarray | bool:
-        """Where points X (..., 4) with z > 0 lie on the part of the lens that maps one to one; one
-        beyond is not seen though its h may lie inside the image. True: everywhere."""
-        return True
 
     def project(self, X: Vec, k: Vec) -> Projection:
         p, iz = _plane(X)
@@ -124,37 +152,6 @@ class Camera(Sensor):
         by_n = np.zeros((4, 1))
         by_n[3, 0] = 1.0
         return Backprojection(X, by_z, by_n, by_k)
-
-    def R(self, h: Vec) -> Mat:
-        return np.broadcast_to(self.sd_px**2 * np.eye(2), (*h.shape[:-1], 2, 2))
-
-    def visibility(self, h: Vec, X: Vec, xws: Vec, pose0: Vec, y_X: Vec) -> np.ndarray:
-        """BEHIND for z <= 0, OUTSIDE the image less its border, SCALE and ANGLE against the first
-        view; the latter two are satisfied by points at infinity.
-
-        Source: Davison, Reid, Molton, Stasse, *MonoSLAM*, PAMI 2007, section 3.5.
-        """
-        behind = X[..., 2] <= 0.0
-        low = (self.border, self.border)
-        high = (self.width - self.border, self.height - self.border)
-        outside = ((h < low) | (h > high)).any(-1)
-        domain = self.in_domain(X)
-        if domain is not True:
-            outside = outside | ~np.asarray(domain)
-        fault = np.where(behind, int(Fault.BEHIND), outside * int(Fault.OUTSIDE))
-        if not (self.max_scale or self.max_angle):
-            return fault
-        # m - w t is the ray from t to the point, whether w is zero or not.
-        w = y_X[..., 3:]
-        now, first = y_X[..., :3] - w * xws[..., :3], y_X[..., :3] - w * pose0[..., :3]
-        d2, d02 = np.vecdot(now, now), np.vecdot(first, first)
-        if self.max_scale:
-            limit2 = self.max_scale**2
-            fault = fault | ((d2 > limit2 * d02) | (d02 > limit2 * d2)) * int(Fault.SCALE)
-        if self.max_angle:
-            cos_limit = math.cos(self.max_angle) * np.sqrt(d2 * d02)
-            fault = fault | (np.vecdot(now, first) < cos_limit) * int(Fault.ANGLE)
-        return fault
 
     def _with_centre(self, k: Vec) -> Self:
         u0, v0, f_u, f_v = (float(x) for x in k[:4])

@@ -1,4 +1,4 @@
-"""What the three cameras have in common, and where their lenses end."""
+"""What the cameras have in common, and where their lenses end."""
 
 import dataclasses
 
@@ -10,10 +10,11 @@ from scene_core.geometry.spaces import THREE_D
 from scene_core.models import radial
 from scene_core.models.base import Fault
 from scene_core.models.sensors.civera import Civera
+from scene_core.models.sensors.opencv import OpenCV
 from scene_core.models.sensors.pinhole import Pinhole
 from scene_core.models.sensors.wide_angle import WideAngle
 
-CAMERAS = [Pinhole(distortion=(-0.1, 0.02)), WideAngle(), Civera(k1=0.01, k2=0.002)]
+CAMERAS = [Pinhole(distortion=(-0.1, 0.02)), WideAngle(), Civera(k1=0.01, k2=0.002), OpenCV()]
 POSE = THREE_D.identity()
 each_camera = pytest.mark.parametrize("camera", CAMERAS, ids=lambda c: c.name)
 
