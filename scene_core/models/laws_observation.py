@@ -40,6 +40,12 @@ def sensor_laws(model: Sensor, rng: np.random.Generator) -> list[Law]:
     if n.size:
         n[0] = 0.0
 
+    if m + n.shape[-1] > d:
+        # More numbers than a point can cause: only those of some point come back as they were.
+        X = model.backproject(z, n, k0).X
+        X[:, d] = rng.uniform(0.2, 1.5, COUNT)
+        z = model.project(X, k0).h
+
     def points() -> Vec:
         return model.backproject(z, n, k0).X
 

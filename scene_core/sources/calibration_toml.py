@@ -77,7 +77,9 @@ def read_toml(path: Path, images: Path | None) -> Calibration:
 
 def _camera(path: Path, table: dict[str, Any]) -> Camera:
     model = table.pop("model", None)
-    cameras = {name: c for name, c in models("sensors").items() if issubclass(c, Camera)}
+    # Of images alone: a camera that measures more than pixels finds nothing else in them.
+    found = models("sensors").items()
+    cameras = {n: c for n, c in found if issubclass(c, Camera) and c.labels == ("u", "v")}
     if not isinstance(model, str) or model not in cameras:
         raise SourceError(f"{path}, [camera] model = {model!r}: choose one of {', '.join(cameras)}")
     camera = cameras[model]()
