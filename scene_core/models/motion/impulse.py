@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 
 from scene_core.arrays import Mat, Vec
-from scene_core.geometry import quaternion
-from scene_core.geometry.spaces import THREE_D, relative
+from scene_core.geometry.spaces import THREE_D
+from scene_core.models import free_body
 from scene_core.models.base import (
     Lifted,
     MotionModel,
@@ -71,25 +71,23 @@ class Impulse(MotionModel):
         return self.sd_accel * scale, self.sd_ang_accel * scale
 
     def f(self, xv: Vec, u: Vec, dt: float, k: Vec) -> Transition:
-        q = xv[3:7]
-        turn, dturn = quaternion.from_rotation_vector(xv[10:] * dt)
-        left = quaternion.left_matrix(q)
+        turn = free_body.turned(xv[3:7], xv[10:] * dt)
         fv = xv.copy()
         fv[:3] += xv[7:10] * dt
-        fv[3:7] = left @ turn
+        fv[3:7] = turn.q
         dfv_by_dxv = np.eye(13)
         dfv_by_dxv[:3, 7:10] = dt * np.eye(3)
-        dfv_by_dxv[3:7, 3:7] = quaternion.right_matrix(turn)
-        dfv_by_dxv[3:7, 10:] = left @ dturn * dt
+        dfv_by_dxv[3:7, 3:7] = turn.by_q
+        dfv_by_dxv[3:7, 10:] = turn.by_theta * dt
         return Transition(fv, dfv_by_dxv, np.zeros((13, 0)), np.zeros((13, 0)))
 
     def Q(self, xv: Vec, u: Vec, dt: float, k: Vec) -> Mat:
         sd_V, sd_Omega = self._sds(dt)
-        _, dturn = quaternion.from_rotation_vector(xv[10:] * dt)
+        turn = free_body.turned(xv[3:7], xv[10:] * dt)
         G = np.zeros((13, 6))
         G[:3, :3] = sd_V * dt * np.eye(3)
         G[7:10, :3] = sd_V * np.eye(3)
-        G[3:7, 3:] = sd_Omega * dt * (quaternion.left_matrix(xv[3:7]) @ dturn)
+        G[3:7, 3:] = sd_Omega * dt * turn.by_theta
         G[10:, 3:] = sd_Omega * np.eye(3)
         return G @ G.T
 
@@ -97,25 +95,13 @@ class Impulse(MotionModel):
         return PositionState(xv[:7], np.eye(13)[:7])
 
     def redefine(self, xv: Vec, xpdef: Vec) -> Redefined:
-        seen = relative(THREE_D, xpdef, xv[:7])
-        v = quaternion.rotate_back(xpdef[3:], xv[7:10])
-        value = np.concatenate([seen.x, v.v, xv[10:]])
-        by_state = np.eye(13)
-        by_state[:7, :7] = seen.by_b
-        by_state[7:10, 7:10] = v.by_v
-        by_xpdef = np.zeros((13, 7))
-        by_xpdef[:7] = seen.by_a
-        by_xpdef[7:10, 3:] = v.by_q
-        return Redefined(value, by_state, by_xpdef)
+        return free_body.redefine(xv, xpdef, in_world=[7])
 
     def normalise(self, xv: Vec) -> Normalised:
-        out, J = xv.copy(), np.eye(13)
-        out[3:7], J[3:7, 3:7] = quaternion.normalise(xv[3:7])
-        return Normalised(out, J)
+        return free_body.normalise(xv)
 
     def lift(self, xp: Vec) -> Lifted:
-        P_rest = np.diag([0.0] * 7 + [self.rest_sd_speed**2] * 3 + [self.rest_sd_turn**2] * 3)
-        return Lifted(np.concatenate([xp, np.zeros(6)]), np.eye(13)[:, :7], P_rest)
+        return free_body.at_rest(xp, [self.rest_sd_speed] * 3 + [self.rest_sd_turn] * 3)
 
     def f_noisy(self, xv: Vec, u: Vec, dt: float, k: Vec, rng: np.random.Generator) -> Vec:
         sd_V, sd_Omega = self._sds(dt)

@@ -1,0 +1,64 @@
+"""What bodies in space share: a turn by a rotation vector, a change of axes, a start at rest.
+
+The state of a body starts with its pose (x, y, z, qw, qx, qy, qz) [m, 1]; the vectors that follow
+are given in the world or in the body.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from scene_core.arrays import Mat, Vec
+from scene_core.geometry import quaternion
+from scene_core.geometry.spaces import THREE_D, relative
+from scene_core.models.base import Lifted, Normalised, Redefined
+
+POSE_SIZE = THREE_D.n
+
+
+class Turned(NamedTuple):
+    """q * q(theta) with its Jacobians by q (4, 4) and by theta (4, 3)."""
+
+    q: Vec
+    by_q: Mat
+    by_theta: Mat
+
+
+def turned(q: Vec, theta: Vec) -> Turned:
+    """q turned by the rotation vector theta [rad] in the body; finite at theta = 0."""
+    turn, dturn = quaternion.from_rotation_vector(theta)
+    left = quaternion.left_matrix(q)
+    return Turned(left @ turn, quaternion.right_matrix(turn), left @ dturn)
+
+
+def redefine(xv: Vec, xpdef: Vec, in_world: Sequence[int] = ()) -> Redefined:
+    """xv in axes whose origin is the pose xpdef (7,); `in_world` are the first rows of the vectors
+    given in the world, all else belongs to the body."""
+    n = len(xv)
+    seen = relative(THREE_D, xpdef, xv[:POSE_SIZE])
+    value, by_state, by_xpdef = xv.copy(), np.eye(n), np.zeros((n, POSE_SIZE))
+    value[:POSE_SIZE] = seen.x
+    by_state[:POSE_SIZE, :POSE_SIZE] = seen.by_b
+    by_xpdef[:POSE_SIZE] = seen.by_a
+    for start in in_world:
+        rows = slice(start, start + 3)
+        vector = quaternion.rotate_back(xpdef[3:], xv[rows])
+        value[rows], by_state[rows, rows], by_xpdef[rows, 3:] = vector.v, vector.by_v, vector.by_q
+    return Redefined(value, by_state, by_xpdef)
+
+
+def normalise(xv: Vec) -> Normalised:
+    """xv with a unit quaternion."""
+    out, J = xv.copy(), np.eye(len(xv))
+    out[3:POSE_SIZE], J[3:POSE_SIZE, 3:POSE_SIZE] = quaternion.normalise(xv[3:POSE_SIZE])
+    return Normalised(out, J)
+
+
+def at_rest(xp: Vec, sds: Sequence[float]) -> Lifted:
+    """A body at the pose xp (7,) whose other components are zero with standard deviations `sds`."""
+    n = POSE_SIZE + len(sds)
+    P_rest = np.diag(np.concatenate([np.zeros(POSE_SIZE), np.square(sds)]))
+    return Lifted(np.concatenate([xp, np.zeros(len(sds))]), np.eye(n)[:, :POSE_SIZE], P_rest)
