@@ -10,6 +10,7 @@ import numpy as np
 
 from scene_core.arrays import Mat, Vec
 from scene_core.filter.policies import Vision
+from scene_core.models.base import Shape
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,8 @@ class Points:
     """Identities (k,) int; None when the sensor can not tell."""
     R: Mat | None = None
     """Their own covariance (k, m, m); None: the sensor's."""
+    lines: Points | None = None
+    """Segments seen in the same frame: z (k, 2 m) both ends, with identities of their own."""
 
 
 Raw = Image | Points
@@ -55,6 +58,9 @@ class Truth:
     points: Vec = field(default_factory=lambda: np.zeros((0, 3)))
     """True landmarks (K, d)."""
     ids: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
+    segments: Vec = field(default_factory=lambda: np.zeros((0, 2, 3)))
+    """Ends (M, 2, d) of the true line landmarks."""
+    segment_ids: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
 
 
 @dataclass(frozen=True)
@@ -92,6 +98,8 @@ class Query:
     """(N, m, m): local affine map from the first view to this one."""
     how: Literal["identity", "search"] = "search"
     """Points: by identity, or the nearest in the gate. Images are always searched."""
+    shape: Shape = "point"
+    """Of segments h (N, 2 m) are the expected ends."""
 
 
 @dataclass(frozen=True)
@@ -123,8 +131,10 @@ class Detection:
     """A new landmark candidate."""
 
     z: Vec
+    """(m,), or both ends (2 m,) of a segment."""
     appearance: Any
     R: Mat | None = None
+    shape: Shape = "point"
 
 
 @dataclass(frozen=True)
@@ -135,6 +145,8 @@ class Occupied:
     """Predicted measurements (N, m) of all features that should be in view."""
     appearances: tuple[Any, ...]
     """Appearances of all mapped features, so that an identity is not mapped twice."""
+    shape: Shape = "point"
+    """What is looked for."""
 
 
 class Source(Protocol):
