@@ -19,6 +19,8 @@ from functools import cache
 from typing import Any, Literal
 
 Effect = Literal["next frame", "next feature", "on reset"]
+MOST_ROWS = 1000
+MOST_COLUMNS = 16
 
 
 class ParamError(ValueError):
@@ -43,6 +45,8 @@ class Spec:
     effect: Effect
     help: str
     label: str
+    rows: bool = False
+    """A list of any number of rows of numbers, e.g. waypoints."""
 
 
 def param(
@@ -55,9 +59,12 @@ def param(
     choices: tuple[str, ...] | None = None,
     effect: Effect = "next frame",
     label: str = "",
+    rows: bool = False,
 ) -> Any:
     """Declare a parameter field; its help text is the docstring below the field."""
     meta = dict(unit=unit, lo=lo, hi=hi, soft=soft, choices=choices, effect=effect, label=label)
+    if rows:
+        meta["rows"] = True
     return field(default=default, metadata={"param": meta})
 
 
@@ -95,19 +102,50 @@ def _children(obj: Any) -> Iterator[tuple[str, Any]]:
 def schema(obj: Any, prefix: str = "") -> list[Spec]:
     """All parameters below `obj`, depth first in the order of their declaration."""
     out: list[Spec] = []
-    declared = {}
-    if is_dataclass(obj):
-        declared = {f.name: f.metadata["param"] for f in fields(obj) if "param" in f.metadata}
+    own = {s.name: s for s in _own(obj, prefix)}
     for name, value in _children(obj):
-        path = f"{prefix}.{name}" if prefix else name
-        if name in declared:
-            meta = declared[name]
-            text = field_docs(type(obj)).get(name, "")
-            label = meta["label"] or name.replace("_", " ")
-            rest = {k: v for k, v in meta.items() if k != "label"}
-            out.append(Spec(path=path, name=name, value=value, help=text, label=label, **rest))
+        if name in own:
+            out.append(own[name])
         elif is_dataclass(value) or isinstance(value, Mapping):
-            out.extend(schema(value, path))
+            out.extend(schema(value, f"{prefix}.{name}" if prefix else name))
+    return out
+
+
+def _own(obj: Any, prefix: str) -> Iterator[Spec]:
+    """The parameters that `obj` itself declares."""
+    if not is_dataclass(obj):
+        return
+    for f in fields(obj):
+        meta = f.metadata.get("param")
+        if meta is not None and f.init:
+            rest = {k: v for k, v in meta.items() if k != "label"}
+            yield Spec(
+                path=f"{prefix}.{f.name}" if prefix else f.name,
+                name=f.name,
+                value=getattr(obj, f.name),
+                help=field_docs(type(obj)).get(f.name, ""),
+                label=meta["label"] or f.name.replace("_", " "),
+                **rest,
+            )
+
+
+def changed(now: Any, before: Any, prefix: str = "") -> list[tuple[Spec, Spec | None]]:
+    """Parameters of `now` whose value is another one in `before`, each with its spec there; None
+    where there was no such parameter. Branches that both share are not looked into."""
+    if now is before:
+        return []
+    old = dict(_children(before))
+    was = {s.name: s for s in _own(before, prefix)}
+    out: list[tuple[Spec, Spec | None]] = []
+    mine = {s.name: s for s in _own(now, prefix)}
+    for name, value in _children(now):
+        path = f"{prefix}.{name}" if prefix else name
+        if name in mine:
+            there = was.get(name)
+            if there is None or there.value != value:
+                out.append((mine[name], there))
+        elif is_dataclass(value) or isinstance(value, Mapping):
+            out.extend(changed(value, old.get(name), path))
     return out
 
 
@@ -165,11 +203,32 @@ def check_value(path: str, value: Any, old: Any, meta: Mapping[str, Any]) -> Any
         if not isinstance(value, str) or len(value) > 4096:
             raise ParamError(f"{path}: give a text of at most 4096 characters")
         return value
+    if meta.get("rows") and isinstance(old, tuple):
+        return _rows(path, value, meta, unit)
     if isinstance(old, tuple):
         if not isinstance(value, (list, tuple)) or len(value) != len(old):
             raise ParamError(f"{path} = {value!r}: give {len(old)} numbers")
         return tuple(_number(path, v, float, meta, unit) for v in value)
     return _number(path, value, int if isinstance(old, int) else float, meta, unit)
+
+
+def _rows(path: str, value: Any, meta: Mapping[str, Any], unit: str) -> tuple[tuple[float, ...], ...]:
+    """A list of rows of numbers, all of one length."""
+    rows = value if isinstance(value, (list, tuple)) else None
+    if rows is None or len(rows) > MOST_ROWS:
+        raise ParamError(f"{path}: give a list of at most {MOST_ROWS} rows of numbers")
+    for i, row in enumerate(rows, 1):
+        if not isinstance(row, (list, tuple)) or not 0 < len(row) <= MOST_COLUMNS:
+            raise ParamError(f"{path}, row {i} is {row!r:.60}: give a list of numbers")
+        if len(row) != len(rows[0]):
+            raise ParamError(
+                f"{path}, row {i} has {len(row)} numbers and row 1 has {len(rows[0])}: give as "
+                "many in every row"
+            )
+    return tuple(
+        tuple(_number(f"{path}, row {i}", v, float, meta, unit) for v in row)
+        for i, row in enumerate(rows, 1)
+    )
 
 
 def _number(path: str, value: Any, kind: type, meta: Mapping[str, Any], unit: str) -> Any:

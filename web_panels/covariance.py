@@ -280,7 +280,11 @@ class Covariance:
             return
         self._shown = (world.gauss, p.selected)
         table = table_of(world, p.selected)
-        self.image.image = picture(table, p.selected)
+        self.page.between()
+        canvas = picture(table, p.selected)
+        self.page.between()
+        self.image.image = canvas
+        self.page.between()
         self.others.content = others_html(world, p.selected)
         head = block(
             '<div class="row" style="padding-bottom:4px;white-space:nowrap"><b>Correlation of the '

@@ -118,6 +118,7 @@ class Head:
     """Always on top of the controls."""
 
     rate_hz = 10.0
+    prompt = True
 
     def __init__(self, page: Page) -> None:
         self.page = page

@@ -26,7 +26,8 @@ class Panel(Protocol):
     """One part of the page.
 
     A panel that moves by itself may also have an attribute `restless`: while it is true the panel
-    is rendered at its rate although nothing changed.
+    is rendered at its rate although nothing changed. One that shows what somebody at the page has
+    just done has an attribute `prompt`: it is rendered at once, before all others.
     """
 
     rate_hz: float
@@ -84,6 +85,9 @@ class Page:
     views: Views | None = None
     problems: Mapping[int, str] = field(default_factory=dict)
     """Panels that could not be drawn, and why; the view loop keeps it, the head shows it."""
+    between: Callable[[], None] = lambda: None
+    """For panels that take long: called between the steps of a rendering, outside `atomic`, it
+    lets the prompt panels answer first."""
 
     def change(self, **fields: object) -> None:
         """Replace fields of the look; everything is drawn again."""

@@ -52,14 +52,10 @@ def written(value: Any, spec: Spec) -> str:
 
 def changes(now: Experiment, base: Experiment) -> list[tuple[Spec, str, str]]:
     """What differs from the scenario: the parameter, its value there, its value now."""
-    before = {s.path: s for s in params.schema(base)}
-    out = []
-    for spec in params.schema(now):
-        old = before.get(spec.path)
-        if old is None or old.value != spec.value:
-            was = "–" if old is None else written(old.value, old)
-            out.append((spec, was, written(spec.value, spec)))
-    return out
+    return [
+        (spec, "–" if old is None else written(old.value, old), written(spec.value, spec))
+        for spec, old in params.changed(now, base)
+    ]
 
 
 def changes_card(now: Experiment, base: Experiment) -> str:
@@ -85,6 +81,7 @@ class _Parameters:
     """Inputs for one branch of the experiment, rebuilt when its parameters are others."""
 
     rate_hz = 30.0
+    prompt = True
     branch: str
     empty: str
 
@@ -148,9 +145,9 @@ class _Parameters:
         if shape != self.shape:
             self._rebuild(specs)
             self.shape = shape
+        self.card.content = style.block(changes_card(now, p.base), "padding-bottom:8px")
         for spec in specs:
             self.fields[spec.path].show(spec.value)
-        self.card.content = style.block(changes_card(now, p.base), "padding-bottom:8px")
         self.undo.disabled = not p.can_undo
         self.redo.disabled = not p.can_redo
         self.reset.disabled = not changes(now, p.base)

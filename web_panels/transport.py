@@ -49,6 +49,7 @@ class Transport:
     """Play, pause, steps, speed and seek."""
 
     rate_hz = 20.0
+    prompt = True
 
     def __init__(self, page: Page) -> None:
         self.page = page

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import operator
 import threading
 import time
 from dataclasses import dataclass
@@ -55,6 +56,7 @@ class ViewLoop:
         self.layout: Layout | None = None
         self.turns: dict[int, Turn] = {}
         self._mounts: object = None
+        self._answered: tuple[object, ...] = ()
         self._stop = threading.Event()
         self.built = threading.Event()
         """Set once the page stands."""
@@ -92,6 +94,7 @@ class ViewLoop:
         if p.experiment.estimator.mounts is not self._mounts:
             self.layout.fit_sensors(p)
             self._mounts = p.experiment.estimator.mounts
+        self._answer()
         now, look = time.monotonic(), self.page.look
         ready = [t for t in self._all_turns() if t.due <= now and t.stale(p, look)]
         if not ready:
@@ -100,6 +103,20 @@ class ViewLoop:
         if p.mode != "playing":
             self.server.flush()
         return True
+
+    def _answer(self) -> None:
+        """Draw the prompt panels and send them off, when somebody at the page did something."""
+        p = self.session.latest
+        if p is None:
+            return
+        done = (p.run, p.experiment, p.pending, p.mode, p.selected, p.failure, p.speed)
+        if len(done) == len(self._answered) and all(map(operator.is_, done, self._answered)):
+            return
+        self._answered = done
+        for turn in self._all_turns():
+            if getattr(turn.panel, "prompt", False) and turn.seq != p.seq:
+                self._draw(turn, p, self.page.look)
+        self.server.flush()
 
     def _build(self, p: Published) -> None:
         """The whole page, before anybody sees a part of it; nothing is left of a failed attempt."""
@@ -114,6 +131,7 @@ class ViewLoop:
         self.layout, self._mounts = layout, p.experiment.estimator.mounts
         for turn in self._all_turns():
             self._draw(turn, p, self.page.look)
+        self.page.between = self._answer
         self.built.set()
 
     def _all_turns(self) -> list[Turn]:

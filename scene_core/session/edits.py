@@ -56,20 +56,12 @@ def until_reset(edited: Experiment, started: Experiment) -> Experiment:
     A model that was not there at the start has its own values. The same object when nothing has
     to be held back.
     """
-    was = {s.path: s for s in _on_reset(started)}
-    for spec in _on_reset(edited):
-        before = was.get(spec.path)
-        if before is not None and before.value != spec.value:
+    for spec, before in params.changed(edited, started):
+        if spec.effect == "on reset" and before is not None:
             owner = spec.path.rpartition(".")[0]
             if type(params.get(edited, owner)) is type(params.get(started, owner)):
                 edited = params.put(edited, spec.path, before.value)
     return edited
-
-
-def _on_reset(experiment: Experiment) -> list[params.Spec]:
-    specs = params.schema(experiment.estimator, "estimator")
-    specs += params.schema(experiment.source, "source")
-    return [s for s in specs if s.effect == "on reset"]
 
 
 def same_value(experiment: Experiment, command: SetParam) -> bool:

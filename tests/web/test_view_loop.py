@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
@@ -121,6 +121,41 @@ def test_a_broken_panel_is_reported_and_the_others_go_on(
         counting.broken = ""
         assert wait(lambda: site.view.page.problems == {})
     site.view.layout.fixed.remove(other)
+
+
+class Slow(Counting):
+    """A panel whose rendering has a seam; it remembers how often the prompt one was drawn there."""
+
+    def __init__(self, page: Page, edit: Callable[[], None]) -> None:
+        super().__init__(5.0)
+        self.page, self.edit, self.inside = page, edit, []
+        self.other: Counting | None = None
+
+    def render(self, p: Published) -> None:
+        super().render(p)
+        assert self.other is not None
+        self.edit()
+        before = len(self.other.seen)
+        self.page.between()
+        self.inside.append(len(self.other.seen) - before)
+
+
+def test_an_edit_is_answered_inside_a_long_rendering(
+    site: Site, counting: Counting, start: Published
+) -> None:
+    counting.rate_hz = 0.1
+    counting.prompt = True  # type: ignore[attr-defined]
+    edited = with_seq(start, start.seq + 7001, pending=dataclasses.replace(start.experiment))
+    slow = Slow(site.view.page, lambda: setattr(site.session, "latest", edited))
+    slow.other = counting
+    with raw_client(site.server):
+        assert wait(lambda: len(counting.seen) > 0)
+        assert site.view.layout is not None
+        site.view.layout.fixed.append(slow)
+        assert wait(lambda: len(slow.seen) >= 2 or slow.inside == [1])
+        assert slow.inside[:1] == [1], "drawn in the seam, long before its own turn"
+        assert counting.seen[-1] == edited.seq
+    site.view.layout.fixed.remove(slow)
 
 
 def test_a_changed_look_draws_everything_again(
