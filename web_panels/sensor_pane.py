@@ -82,6 +82,7 @@ class SensorPane:
             self.shown.clear()
         if key != self._key:
             scene = scene_of(p, self.mount)
+            self.page.between()
             # A sensor that did not fire keeps its last picture.
             if scene is not None and (scene.raw is not None or not self.shown):
                 self._draw(p, scene)
@@ -93,6 +94,7 @@ class SensorPane:
         assert p.trace is not None
         chart = self.chart_for(p.trace.world.mounts[self.mount].sensor, scene)
         canvas, shapes = paint(scene, chart, self.page.look.truth)
+        self.page.between()
         self.shown[scene.frame] = (shapes, chart)
         self.shown.move_to_end(scene.frame)
         while len(self.shown) > REMEMBERED:
