@@ -33,6 +33,8 @@ class Report:
     model: str
     kind: str
     lines: tuple[Line, ...]
+    remarks: tuple[str, ...] = ()
+    """What is no offence and good to know, e.g. which Jacobians are left to numbers."""
 
     @property
     def ok(self) -> bool:
@@ -44,7 +46,7 @@ class Report:
             f"  {'ok  ' if line.ok else 'FAIL'} {line.law}{line.detail and ': ' + line.detail}"
             for line in self.lines
         ]
-        return "\n".join([head, *marks])
+        return "\n".join([head, *marks, *(f"  note {remark}" for remark in self.remarks)])
 
 
 def run(model: str, kind: str, laws: Sequence[Law]) -> Report:

@@ -1,4 +1,8 @@
-"""All models by kind and name, found by walking the packages; and which of them fit together."""
+"""All models by kind and name, and which of them fit together.
+
+The built-in ones are found by walking the packages; a user's own are added by `plugins`, as one
+immutable value that is replaced as a whole, so any thread may look.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,7 @@ import importlib
 import inspect
 import pkgutil
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cache
 from types import MappingProxyType
 from typing import Any
@@ -28,12 +33,41 @@ KINDS: Mapping[str, type[Any]] = MappingProxyType(
 """Base class by kind; a kind is the name of the package its models are found in."""
 
 
-@cache
+@dataclass(frozen=True)
+class Added:
+    """Models that are not built in, by kind and name."""
+
+    offered: Mapping[str, Mapping[str, type[Any]]] = field(default_factory=dict)
+    refused: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    """Why a model that is there can not be used."""
+
+
+_added = Added()
+
+
+def add(added: Added) -> None:
+    """Replace everything that was added before."""
+    global _added
+    _added = added
+
+
 def models(kind: str) -> Mapping[str, type[Any]]:
-    """Model classes of a kind by name, sorted by the name of their files.
+    """Model classes of a kind by name: the built-in ones sorted by the name of their files, then
+    those that were added.
 
     Raises KeyError for an unknown kind, ValueError when two models share a name.
     """
+    return MappingProxyType({**built_in(kind), **_added.offered.get(kind, {})})
+
+
+def refused(kind: str) -> Mapping[str, str]:
+    """Added models of a kind that can not be used, with a sentence why."""
+    return _added.refused.get(kind, {})
+
+
+@cache
+def built_in(kind: str) -> Mapping[str, type[Any]]:
+    """The built-in model classes of a kind by name."""
     base: Any = KINDS[kind]
     package = importlib.import_module(f"scene_core.models.{kind}")
     found: dict[str, type[Any]] = {}
