@@ -28,12 +28,12 @@ def frozen(a: ArrayLike) -> NDArray[np.float64]:
 
 
 def block_diag(blocks: Iterable[NDArray[Any]]) -> Mat:
-    """Stack square blocks along the diagonal (empty input gives a 0x0 matrix)."""
+    """Stack blocks (m_i, n_i) along the diagonal (empty input gives a 0x0 matrix)."""
     parts = [np.asarray(b, dtype=np.float64) for b in blocks]
-    n = sum(len(b) for b in parts)
-    out = np.zeros((n, n))
-    i = 0
+    out = np.zeros((sum(len(b) for b in parts), sum(b.shape[1] for b in parts)))
+    i = j = 0
     for b in parts:
-        out[i : i + len(b), i : i + len(b)] = b
-        i += len(b)
+        m, n = b.shape
+        out[i : i + m, j : j + n] = b
+        i, j = i + m, j + n
     return out

@@ -51,6 +51,6 @@ def test_the_table_of_models_is_complete() -> None:
     assert rows.keys() == there.keys()
     for name, model in there.items():
         labels = next(
-            getattr(model, a) for a in ("state_labels", "needs", "labels") if hasattr(model, a)
+            getattr(model(), a) for a in ("state_labels", "needs", "labels") if hasattr(model, a)
         )
         assert rows[name].strip().startswith(", ".join(labels)), name

@@ -208,7 +208,8 @@ class MotionModel(ABC):
     """xv(t + dt) = f(xv, u, dt, k) + q. Scene's Motion_Model; unbatched.
 
     Angles in the state are radians. A quaternion in the state carries the labels qw qx qy qz, a
-    planar heading the label phi.
+    planar heading the label phi; what belongs to another pose than the base's has a prefix with a
+    colon (2:qw, see `labels`).
     """
 
     name: ClassVar[str]
@@ -448,6 +449,8 @@ class InternalMeasurementModel(ABC):
     needs: ClassVar[tuple[str, ...]]
     labels: ClassVar[tuple[str, ...]]
     units: ClassVar[tuple[str, ...]]
+    world_fixed: ClassVar[tuple[str, ...]] = ()
+    """Directions of the world the measurement relies on: gravity, north, plane."""
 
     @property
     def measurement_size(self) -> int:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from scene_core.arrays import Mat, Vec
 from scene_core.geometry.spaces import Space, wrap
+from scene_core.models.labels import quaternions
 
 Law = tuple[str, Callable[[], str]]
 """A law in words, and a test that returns what is wrong, or nothing."""
@@ -155,9 +156,8 @@ def sample_state(
 
 
 def with_unit_quaternion(labels: Sequence[str], x: Vec) -> Vec:
-    """x with its components qw qx qy qz, if it has them, on the unit sphere."""
-    at = [i for i, label in enumerate(labels) if label in ("qw", "qx", "qy", "qz")]
-    if at:
+    """x with every quaternion it has (qw qx qy qz, with or without a prefix) on the unit sphere."""
+    for at in quaternions(labels).values():
         x[at] = x[at] / np.linalg.norm(x[at]) if x[at].any() else (1.0, 0.0, 0.0, 0.0)
     return x
 
@@ -169,11 +169,11 @@ def awkward_states(
     a turn, headings at the seam, slow rotation."""
     states = [sample_state(labels, units, rng) for _ in range(4)]
     states.append(with_unit_quaternion(labels, np.zeros(len(labels))))
-    quaternion = [i for i, label in enumerate(labels) if label in ("qw", "qx", "qy", "qz")]
+    rows = list(quaternions(labels).values())
     for flip in ([-1.0, -1.0, -1.0, -1.0], [1e-9, 1.0, 1.0, 1.0]):
-        if quaternion:
+        if rows:
             x = sample_state(labels, units, rng)
-            x[quaternion] *= flip
+            x[np.array(rows)] *= flip
             states.append(with_unit_quaternion(labels, x))
     slow = sample_state(labels, units, rng)
     slow[[i for i, unit in enumerate(units) if unit == "rad/s"]] *= 1e-9

@@ -23,6 +23,7 @@ from scene_core.models.judge import (
     paired,
     sample_pose,
     sample_state,
+    with_unit_quaternion,
 )
 
 DT = 0.05
@@ -161,14 +162,16 @@ def motion_laws(model: MotionModel, rng: np.random.Generator) -> list[Law]:
 def internal_laws(model: InternalMeasurementModel, rng: np.random.Generator) -> list[Law]:
     """The laws of an internal measurement model, ready to be tried."""
     m, angles = model.measurement_size, angles_of(model.units)
-    states = [rng.standard_normal(len(model.needs)) for _ in range(5)]
+    states = [
+        with_unit_quaternion(model.needs, rng.standard_normal(len(model.needs))) for _ in range(5)
+    ]
 
     def function() -> str:
         problems = []
         for needed in states:
             problems.append(judge_jacobians(["dhv"], model.h, (needed,), angles))
             problems.append(not_shaped("hv", model.h(needed).hv, (m,)))
-        rest = model.h(np.zeros(len(model.needs)))
+        rest = model.h(with_unit_quaternion(model.needs, np.zeros(len(model.needs))))
         if not all(np.isfinite(part).all() for part in rest if part is not None):
             problems.append("h is not finite at zero")
         return first(problems)

@@ -21,7 +21,7 @@ class RobotSettings:
     """What the estimator believes of a robot at the start."""
 
     motion: MotionModel
-    start: Mapping[str, float]
+    start: Mapping[str, float] = field(default_factory=dict)
     """Initial mean by state label; a missing label is 0 (qw: 1)."""
     start_sd: Mapping[str, float] = field(default_factory=dict)
     """Initial standard deviation by state label; orientation in 3-D as rx, ry, rz (rotation vector

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 from scene_core import params
@@ -12,7 +12,7 @@ from scene_core.params import ParamError
 from scene_core.session.config import Experiment, MountSettings, RobotSettings
 from scene_core.session.fit import fitted
 from scene_core.session.published import RoleOptions
-from scene_core.session.start import sd_labels, start_state
+from scene_core.session.start import sd_labels, sds_of, start_state
 
 CHOICES = {
     "estimator.policies.selection.score": "Selection score",
@@ -78,10 +78,16 @@ def swapped(
     return params.put(experiment, owner_path, after), note
 
 
+@cache
+def _example(model: type[Any]) -> Any:
+    """A model with its defaults: what a class is may follow from its fields."""
+    return model()
+
+
 def _names(kind: str, **same: Any) -> tuple[str, ...]:
-    """Names of the models of a kind whose class attributes are as given."""
-    found = registry.models(kind).items()
-    return tuple(n for n, cls in found if all(getattr(cls, k) == v for k, v in same.items()))
+    """Names of the models of a kind whose attributes are as given."""
+    found = ((name, _example(cls)) for name, cls in registry.models(kind).items())
+    return tuple(n for n, model in found if all(getattr(model, k) == v for k, v in same.items()))
 
 
 def _true_mounts(experiment: Experiment) -> dict[str, Any]:
@@ -111,8 +117,9 @@ def _with_motion(settings: RobotSettings, original: RobotSettings, name: str) ->
     labels = motion.state_labels
     start = {s: float(x) for s, x in zip(labels, lifted.xv, strict=True)}
     start |= {s: x for s, x in settings.start.items() if s in labels}
-    rest = zip(labels, lifted.P_rest.diagonal(), strict=True)
-    sd = {s: math.sqrt(v) for s, v in rest if v > 0 and s not in settings.motion.state_labels}
+    rest = sds_of(labels, lifted.xv, lifted.P_rest)
+    had = sd_labels(settings.motion.state_labels)
+    sd = {s: v for s, v in rest.items() if v > 0 and s not in had}
     sd |= {s: x for s, x in settings.start_sd.items() if s in sd_labels(labels)}
     calib_sd = {s: x for s, x in settings.calib_sd.items() if s in motion.calib_labels}
     return replace(settings, motion=motion, start=start, start_sd=sd, calib_sd=calib_sd)

@@ -13,6 +13,7 @@ from scene_core.filter.observe import sensor_state
 from scene_core.filter.world import Feature, Gaussian, Instrument, Layout, Mount, Robot, World
 from scene_core.geometry.spaces import THREE_D, Space
 from scene_core.models.base import FeatureModel, MotionModel
+from scene_core.models.labels import bare, quaternions
 from scene_core.models.registry import carriable, runs_on
 from scene_core.params import ParamError
 from scene_core.session.config import (
@@ -25,7 +26,6 @@ from scene_core.session.config import (
 )
 from scene_core.sources.vision import load_patch
 
-QUATERNION = ("qw", "qx", "qy", "qz")
 ROTATION = ("rx", "ry", "rz")
 
 
@@ -100,21 +100,24 @@ def start_state(at: str, robot: RobotSettings) -> tuple[Vec, Mat]:
             f"{at}.start has no component '{unknown[0]}': the state of the motion model "
             f"'{motion.name}' is {', '.join(motion.state_labels)}"
         )
-    xv = np.array([robot.start.get(s, 1.0 if s == "qw" else 0.0) for s in motion.state_labels])
+    labels = motion.state_labels
+    xv = np.array([robot.start.get(s, 1.0 if bare(s) == "qw" else 0.0) for s in labels])
     if not np.isfinite(xv).all():
         raise ParamError(f"{at}.start: give finite numbers")
-    if set(QUATERNION) <= set(motion.state_labels):
-        q = xv[[motion.state_labels.index(s) for s in QUATERNION]]
-        if np.linalg.norm(q) < 1e-6:
-            raise ParamError(f"{at}.start: the quaternion qw, qx, qy, qz may not be zero")
+    for rows in quaternions(labels).values():
+        if np.linalg.norm(xv[rows]) < 1e-6:
+            names = ", ".join(labels[i] for i in rows)
+            raise ParamError(f"{at}.start: the quaternion {names} may not be zero")
     xv = motion.normalise(xv).value
     return xv, _state_cov(f"{at}.start_sd", motion.state_labels, xv, robot.start_sd)
 
 
 def sd_labels(state_labels: tuple[str, ...]) -> tuple[str, ...]:
     """Labels an initial standard deviation may be given for: a quaternion's are rx, ry, rz."""
-    plain = tuple(s for s in state_labels if s not in QUATERNION)
-    return plain + ROTATION if "qw" in state_labels else plain
+    turns = quaternions(state_labels)
+    inside = {i for rows in turns.values() for i in rows}
+    plain = tuple(s for i, s in enumerate(state_labels) if i not in inside)
+    return plain + tuple(prefix + r for prefix in turns for r in ROTATION)
 
 
 def resting(settings: EstimatorSettings) -> dict[str, str]:
@@ -139,13 +142,26 @@ def _state_cov(at: str, labels: tuple[str, ...], x: Vec, sd: Mapping[str, float]
     allowed = sd_labels(labels)
     _check_sd(at, allowed, sd)
     P = np.diag([float(sd.get(label, 0.0)) ** 2 for label in labels])
-    if "qw" in labels:
-        at_q = [labels.index(s) for s in QUATERNION]
-        pose = np.concatenate([np.zeros(3), x[at_q]])
-        G = THREE_D.from_tangent(pose)[3:, 3:]
-        rotation = np.diag([float(sd.get(label, 0.0)) ** 2 for label in ROTATION])
-        P[np.ix_(at_q, at_q)] = G @ rotation @ G.T
+    for prefix, rows in quaternions(labels).items():
+        G = _from_turn(x[rows])
+        rotation = np.diag([float(sd.get(prefix + label, 0.0)) ** 2 for label in ROTATION])
+        P[np.ix_(rows, rows)] = G @ rotation @ G.T
     return P
+
+
+def sds_of(labels: tuple[str, ...], x: Vec, P: Mat) -> dict[str, float]:
+    """The standard deviations that say P (n, n) about the mean x, by the labels of `sd_labels`."""
+    out = dict(zip(labels, np.sqrt(P.diagonal()).tolist(), strict=True))
+    for prefix, rows in quaternions(labels).items():
+        G = np.linalg.pinv(_from_turn(x[rows]))
+        turn = np.sqrt(np.maximum((G @ P[np.ix_(rows, rows)] @ G.T).diagonal(), 0.0)).tolist()
+        out |= {prefix + label: sd for label, sd in zip(ROTATION, turn, strict=True)}
+    return {label: out[label] for label in sd_labels(labels)}
+
+
+def _from_turn(q: Vec) -> Mat:
+    """(4, 3): the change of a quaternion for a small turn (rx, ry, rz)."""
+    return THREE_D.from_tangent(np.concatenate([np.zeros(3), q]))[3:, 3:]
 
 
 def _diagonal(at: str, labels: tuple[str, ...], sd: Mapping[str, float]) -> Mat:

@@ -65,7 +65,7 @@ def with_motion(world: World, robot: str, motion: MotionModel) -> tuple[World, l
     """Another motion model, or the same one with other parameters, for a robot."""
     old = world.robots[robot].motion
     robots = {**world.robots, robot: Robot(robot, motion)}
-    if type(old) is type(motion):
+    if type(old) is type(motion) and old.state_labels == motion.state_labels:
         return replace(world, robots=robots), []
     if old.space is not motion.space:
         raise ParamError(

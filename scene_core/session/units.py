@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from scene_core.models.labels import quaternions
 from scene_core.session.start import ROTATION
 
-_POWERS = str.maketrans({"²": "2", "³": "3", "⁴": "4", "⁶": "6"})
+_PLAIN = str.maketrans({"²": "2", "³": "3", "⁴": "4", "⁶": "6", "√": "sqrt"})
 
 
 def slug(unit: str) -> str:
     """A unit as a part of a key: m/s² -> m_per_s2, 1/px² -> per_px2."""
-    above, _, below = unit.translate(_POWERS).partition("/")
+    above, *below = unit.translate(_PLAIN).split("/")
     above = "" if above == "1" else above
-    return "_".join(part for part in (above, below and f"per_{below}") if part)
+    return "_".join(part for part in (above, *(f"per_{one}" for one in below)) if part)
 
 
 def key(name: str, unit: str) -> str:
@@ -40,6 +41,6 @@ def label_units(owner: Any) -> Mapping[str, str]:
         units |= dict(zip(space.labels, space.units, strict=True))
     else:
         return units
-    if "qw" in units:
-        units |= dict.fromkeys(ROTATION, "rad")
+    for prefix in quaternions(list(units)):
+        units |= {prefix + label: "rad" for label in ROTATION}
     return units

@@ -30,6 +30,7 @@ from scene_core.filter.ports import (
 from scene_core.geometry import quaternion
 from scene_core.geometry.spaces import embed, embed_points
 from scene_core.models.base import Sensor
+from scene_core.models.labels import bare, quaternions
 from scene_core.params import param
 from scene_core.sources import noise, pictures, points
 from scene_core.sources.identified import Outlook
@@ -187,16 +188,17 @@ class Simulation:
     def _start(self, name: str, robot: TrueRobot) -> Vec:
         motion = robot.motion
         by_label = {**robot.driver.start(motion, self.dt), **robot.start}
-        xv = np.array([by_label.get(s, 1.0 if s == "qw" else 0.0) for s in motion.state_labels])
+        labels = motion.state_labels
+        xv = np.array([by_label.get(s, 1.0 if bare(s) == "qw" else 0.0) for s in labels])
         xv = motion.normalise(xv).value
         rng = noise.rng(self.seed, f"start:{name}")
-        for at, label in enumerate(motion.state_labels):
+        for at, label in enumerate(labels):
             xv[at] += robot.start_sd.get(label, 0.0) * rng.standard_normal()
-        if "qw" in motion.state_labels:
-            at = motion.state_labels.index("qw")
-            turn = [robot.start_sd.get(s, 0.0) * rng.standard_normal() for s in ("rx", "ry", "rz")]
-            step = quaternion.from_rotation_vector(np.array(turn))[0]
-            xv[at : at + 4] = quaternion.product(xv[at : at + 4], step)
+        for prefix, rows in quaternions(labels).items():
+            sds = [robot.start_sd.get(f"{prefix}r{axis}", 0.0) for axis in "xyz"]
+            turn = np.array([sd * rng.standard_normal() for sd in sds])
+            step = quaternion.from_rotation_vector(turn)[0]
+            xv[rows] = quaternion.product(xv[rows], step)
         return motion.normalise(xv).value
 
     def _robot_calib(self, robot: TrueRobot) -> Vec:

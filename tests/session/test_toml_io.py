@@ -111,6 +111,7 @@ def test_every_parameter_is_explained_and_keys_carry_units() -> None:
         ("kd1", "1/px²", "kd1_per_px2"),
         ("max_angle", "rad", "max_angle_rad"),
         ("sd_px", "px", "sd_px"),
+        ("noise", "rad/s/√Hz", "noise_rad_per_s_per_sqrtHz"),
         ("dx_mm", "mm", "dx_mm"),
         ("k2", "1/mm⁴", "k2_per_mm4"),
         ("budget", "", "budget"),
