@@ -56,6 +56,8 @@ class SourceOptions:
     """Folder of a UTIAS MRCLAM data set."""
     robot: int = 2
     """Which robot of --mrclam, 1 to 5."""
+    mrpt: str = ""
+    """A log of MRPT's kf-slam demonstrations as text, or the folder of the planar one."""
     seed: int | None = None
     """Another seed: other noise, or other places where corners are looked for."""
     set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
@@ -110,16 +112,17 @@ def _chosen(options: SourceOptions) -> Experiment:
         "--config": options.config,
         "--images": options.images,
         "--mrclam": options.mrclam,
+        **{flag_of(name): getattr(options, name) for name in presets.RECORDINGS},
         "--preset": options.preset,
     }
     flags = [flag for flag, value in given.items() if value]
-    if flags[-1:] == ["--preset"] and f"--{options.preset}" in flags:
+    if flags[-1:] == ["--preset"] and flag_of(options.preset) in flags:
         flags.remove("--preset")
     if len(flags) > 1:
         raise ParamError(f"{flags[0]} and {flags[1]} both choose the experiment: give one of them")
     for flag in ("calib", "reference", "reference_time"):
         if getattr(options, flag) and not options.images:
-            raise ParamError(f"--{flag.replace('_', '-')} goes with --images: give both")
+            raise ParamError(f"{flag_of(flag)} goes with --images: give both")
     if options.config:
         return _from_file(options.config)
     if options.images:
@@ -134,7 +137,15 @@ def _chosen(options: SourceOptions) -> Experiment:
         )
     if options.mrclam:
         return presets.mrclam(options.mrclam, options.robot)
+    for name, make in presets.RECORDINGS.items():
+        if getattr(options, name):
+            return make(getattr(options, name))
     return presets.build(options.preset or presets.DEFAULT)
+
+
+def flag_of(name: str) -> str:
+    """The flag of an option or a scenario: --planar-mono of planar_mono."""
+    return f"--{name.replace('_', '-')}"
 
 
 def _from_file(path: str) -> Experiment:
@@ -282,7 +293,7 @@ def list_presets(options: Presets) -> None:
             raise ParamError("--toml writes one scenario: give its name, e.g. scene presets room")
         for preset in presets.PRESETS.values():
             needs = f" (needs {preset.needs})" if preset.needs else ""
-            print(f"{preset.name:<10}{preset.about}{needs}")
+            print(f"{preset.name:<14}{preset.about}{needs}")
         return
     preset = presets.named(options.name)
     if not options.toml:
@@ -290,7 +301,7 @@ def list_presets(options: Presets) -> None:
         print(f"  scene run {preset.needs or f'--preset {preset.name}'}")
         return
     files = options.files
-    if not (files.images or files.mrclam):
+    if not any(getattr(files, name) for name in presets.NEEDS):
         files = replace(files, preset=options.name)
     base = presets.build(options.name) if preset.make else None
     print(toml_io.dumps(experiment_from(files), base), end="")

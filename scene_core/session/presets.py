@@ -1,15 +1,15 @@
-"""The scenarios: complete experiments, each with one sentence about what to look at."""
+"""The scenarios: complete experiments, each with one sentence about what to look at.
+
+Those that play somebody's files are in `presets_recordings`; its names can be taken from here.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 
-from scene_core import params
 from scene_core.filter.policies import Association, Gate, Management, Policies, Selection, Update
-from scene_core.geometry.spaces import TWO_D
 from scene_core.models.features.inverse_depth import InverseDepth
 from scene_core.models.features.point_1d import Point1D
 from scene_core.models.features.point_2d import Point2D
@@ -18,14 +18,13 @@ from scene_core.models.internal.speed import Speed
 from scene_core.models.motion.impulse import Impulse
 from scene_core.models.motion.nomad import PlanarNomad
 from scene_core.models.motion.odometry_3d import Odometry3D
-from scene_core.models.motion.unicycle import PlanarUnicycle
 from scene_core.models.motion.velocity_1d import Velocity1D
 from scene_core.models.sensors.distance_1d import Distance1D
 from scene_core.models.sensors.pinhole import Pinhole
 from scene_core.models.sensors.range_bearing import RangeBearing
 from scene_core.models.sensors.wide_angle import WideAngle
 from scene_core.params import ParamError
-from scene_core.session.alignment import Alignment
+from scene_core.session import presets_recordings
 from scene_core.session.config import (
     EstimatorSettings,
     Experiment,
@@ -34,11 +33,12 @@ from scene_core.session.config import (
     MountSettings,
     RobotSettings,
 )
-from scene_core.sources.calibration import Calibration, load_calibration
-from scene_core.sources.datasets import Mrclam
+from scene_core.session.presets_recordings import ALL, NEEDS
+from scene_core.session.presets_recordings import RECORDINGS as RECORDINGS
+from scene_core.session.presets_recordings import images as images
+from scene_core.session.presets_recordings import mrclam as mrclam
 from scene_core.sources.drivers import ConstantControls, Shuttle, Waypoints
 from scene_core.sources.handheld import HandHeld
-from scene_core.sources.images import ImageSequence, video_frame_rate
 from scene_core.sources.render import Rendering
 from scene_core.sources.room import TexturedRoom, poster_corners
 from scene_core.sources.simulated import Simulation
@@ -47,8 +47,6 @@ from scene_core.sources.worlds import Field, Line, ThickCloister, landmarks
 
 DEFAULT = "room"
 EXAMPLE_EDIT = "estimator.policies.selection.budget=6"
-ALL = 500
-"""A number of features that stands for: as many as there are."""
 
 
 @dataclass(frozen=True)
@@ -274,108 +272,11 @@ def nomad() -> Experiment:
     )
 
 
-def mrclam(path: str, robot: int = 2) -> Experiment:
-    """A log of the UTIAS MRCLAM data set, started at the true pose.
-
-    Noise per odometry sample and per sighting is chosen for these logs: with it the trajectories
-    of robots 2, 3 and 5 of data set 6 come within .41, .43 and .27 m rms after alignment.
-    """
-    source = params.replace(Mrclam(path=path), "robot_number", robot)
-    start = {s: float(x) for s, x in zip(TWO_D.labels, source.start_pose(), strict=True)}
-    sensor = RangeBearing(
-        sd_range=0.2, sd_bearing=0.08, reach_min=0.05, reach_max=9.0, field_of_view=2.0
-    )
-    policies = Policies(
-        landmark=Point2D(),
-        selection=Selection(budget=50),
-        # The cameras see 65 degrees; while the heading is uncertain more must be expected, so a
-        # search in vain means nothing.
-        management=Management(
-            keep_visible=ALL,
-            max_new=20,
-            max_new_first=20,
-            min_match_ratio=0.0,
-            min_accept_ratio=0.0,
-        ),
-    )
-    return Experiment(
-        name="mrclam",
-        about=ABOUT["mrclam"],
-        estimator=EstimatorSettings(
-            robots={source.robot: RobotSettings(PlanarUnicycle(sd_v=0.07, sd_w=0.35), start)},
-            mounts={source.mount: MountSettings(sensor, source.robot, (0.0, 0.0, 0.0))},
-            policies=policies,
-            up="z",
-        ),
-        source=source,
-        align="se2",
-    )
-
-
 HAND_START_SD: Mapping[str, float] = {
     **{"x": 0.02, "y": 0.02, "z": 0.02, "rx": 0.01, "ry": 0.01, "rz": 0.01},
     **{"vx": 0.1, "vy": 0.1, "vz": 0.1, "wx": 0.1, "wy": 0.1, "wz": 0.1},
 }
 """m, rad, m/s and rad/s: how well a hand knows where it starts."""
-IMAGE_START_SD: Mapping[str, float] = {
-    **{"vx": 0.2, "vy": 0.2, "vz": 0.2},
-    **{"wx": 0.3, "wy": 0.3, "wz": 0.3},
-}
-"""m/s and rad/s: somebody holds the camera when a recording says nothing about its start."""
-
-
-def images(
-    path: str,
-    calibration: str,
-    reference: str = "",
-    reference_time: bool = False,
-    align: Alignment = "none",
-) -> Experiment:
-    """Monocular SLAM on a folder of images or a video, at the calibration's frame rate or else the
-    video's own."""
-    own_rate = video_frame_rate(path)
-    known = load_calibration(calibration, path)
-    sensor, rate = known.sensor, known.frame_rate or own_rate
-    source = ImageSequence(
-        path=path,
-        width=sensor.width,
-        height=sensor.height,
-        reference=reference,
-        reference_time=reference_time,
-    )
-    if rate is not None:
-        source = replace(source, frame_rate=rate)
-    policies = Policies(
-        landmark=InverseDepth(rho_mean=0.5, rho_sd=0.5, pole="y" if known.up == "y" else "z"),
-        selection=Selection(budget=12),
-        association=Association("search"),
-        management=Management(max_new_first=1 if known.known else 12),
-    )
-    estimator = EstimatorSettings(
-        robots={
-            source.robot: RobotSettings(Impulse(), known.start, known.start_sd or IMAGE_START_SD)
-        },
-        mounts={source.mount: MountSettings(sensor, source.robot, known.pose)},
-        policies=policies,
-        known=tuple(KnownFeature(k.position, k.patch, k.sd) for k in known.known),
-        up="y" if known.up == "y" else "z",
-    )
-    estimator = _with_settings(estimator, known, calibration)
-    about = f"{ABOUT['images']} Here: {Path(path).name}."
-    return Experiment("images", about, estimator, source, align=align)
-
-
-def _with_settings(
-    estimator: EstimatorSettings, known: Calibration, file: str
-) -> EstimatorSettings:
-    for path, value in known.settings.items():
-        try:
-            estimator = params.replace(estimator, path, value)
-        except ParamError as e:
-            raise ParamError(f"{file}, [estimator] {e}") from e
-    return estimator
-
-
 ABOUT: Mapping[str, str] = {
     "room": "A camera in somebody's hand looks round a room and comes back to the poster it "
     "started from: watch patches being searched in their ellipses.",
@@ -387,10 +288,7 @@ ABOUT: Mapping[str, str] = {
     "covariance matrix fill.",
     "nomad": "A planar robot finds out that it is slower than it believes: its velocity scale is "
     "part of the state and goes from 1.0 to 0.9.",
-    "images": "A hand-held camera's recording: features are found, matched and forgotten in real "
-    "images.",
-    "mrclam": "A real robot's log with identified landmarks: dead reckoning is corrected, the true "
-    "path lies beside the estimate.",
+    **presets_recordings.ABOUT,
 }
 
 PRESETS: Mapping[str, Preset] = {
@@ -401,8 +299,7 @@ PRESETS: Mapping[str, Preset] = {
         Preset("gyro", ABOUT["gyro"], gyro),
         Preset("line", ABOUT["line"], line),
         Preset("nomad", ABOUT["nomad"], nomad),
-        Preset("images", ABOUT["images"], None, "--images DIR|FILE --calib FILE"),
-        Preset("mrclam", ABOUT["mrclam"], None, "--mrclam DIR"),
+        *(Preset(name, ABOUT[name], None, flags) for name, flags in NEEDS.items()),
     )
 }
 

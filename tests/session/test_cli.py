@@ -86,6 +86,8 @@ def test_presets_are_listed_and_written(capsys: pytest.CaptureFixture[str]) -> N
         ("run --preset images", "preset 'images' needs files: start with --images"),
         ("run --preset line --config x.toml", "--config and --preset both choose"),
         ("run --images x --mrclam y", "--images and --mrclam both choose"),
+        ("run --mrpt x --mrclam y", "--mrclam and --mrpt both choose"),
+        ("run --mrpt /nowhere.txt", "/nowhere.txt can not be opened"),
         ("run --images /nowhere", "add --calib FILE"),
         ("run --calib x.yaml", "--calib goes with --images"),
         ("run --reference x.txt", "--reference goes with --images"),
@@ -109,6 +111,7 @@ def test_presets_are_listed_and_written(capsys: pytest.CaptureFixture[str]) -> N
         ("presets moon", "no preset 'moon'"),
         ("presets --toml", "give its name"),
         ("presets mrclam --toml", "needs files"),
+        ("presets mrpt --toml", "needs files: start with --mrpt DIR|FILE"),
     ],
 )
 def test_bad_input_is_one_sentence(
