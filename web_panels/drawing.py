@@ -7,7 +7,7 @@ ids stay crisp. A state differs in colour *and* in line.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import cv2
@@ -33,6 +33,8 @@ class Chart(Protocol):
     """Width and height of the canvas, px."""
     magnification: float
     """Canvas pixels per image pixel; 0 where there is no image."""
+    wide: bool
+    """Regions reach across the chart: ids stand at the crosses, over the lines."""
 
     def background(self, scene: Scene) -> np.ndarray:
         """A fresh RGB canvas with the raw measurements."""
@@ -47,7 +49,8 @@ class Chart(Protocol):
         ...
 
     def measurement(self, xy: Vec) -> tuple[float, ...] | None:
-        """The measurement at a place on the canvas; None outside the sensor's limits."""
+        """The measurement at a place on the canvas, or its leading components where it has more
+        than are drawn; None outside the sensor's limits."""
         ...
 
 
@@ -73,7 +76,7 @@ def paint(scene: Scene, chart: Chart, truth: bool) -> tuple[np.ndarray, list[Sha
         for s in shapes:
             if s.true is not None:
                 painter.gapped_cross(s.true, C["truth"])
-    _draw_ids(painter, shapes)
+    _draw_ids(painter, [_bare(s) for s in shapes] if chart.wide else shapes)
     return painter.canvas, shapes
 
 
@@ -156,6 +159,11 @@ def _draw_ids(painter: Painter, shapes: Sequence[Shape]) -> None:
             continue
         r, g, b = C["white"] if s.mark.selected else C[s.mark.state]
         painter.text(words, at, (pale(r), pale(g), pale(b)), scale)
+
+
+def _bare(s: Shape) -> Shape:
+    """A shape without its region."""
+    return replace(s, contours=np.zeros((0, 3, 2)))
 
 
 def hit(shapes: Sequence[Shape], xy: Vec, reach: float) -> int | None:

@@ -216,14 +216,15 @@ def aligned(points: Vec, p: Published) -> Vec:
 
 def view_angle(sensor: Sensor, k: Vec) -> tuple[float, float]:
     """Vertical field of view (rad, below 150 degrees) and aspect of a camera's frustum."""
-    (u0, u1), (v0, v1) = sensor.limits
-    middle = (0.5 * (u0 + u1), 0.5 * (v0 + v1))
-    z = np.array([(middle[0], v0), (middle[0], v1)])
+    lo, hi = np.array(sensor.limits).T
+    z = np.tile(0.5 * (lo + hi), (2, 1))
+    # v is every second component: a stereo pair has two.
+    z[:, 1::2] = lo[1::2], hi[1::2]
     n = np.ones((2, len(sensor.unmeasured)))
     rays = sensor.backproject(z, n, k).X[..., :3]
     rays = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
     fov = float(np.arccos(np.clip(rays[0] @ rays[1], -1.0, 1.0)))
-    return min(fov, np.radians(150.0)), float((u1 - u0) / (v1 - v0))
+    return min(fov, np.radians(150.0)), float((hi[0] - lo[0]) / (hi[1] - lo[1]))
 
 
 @dataclass(frozen=True)

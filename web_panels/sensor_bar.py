@@ -9,8 +9,8 @@ from scene_core.models.base import Sensor
 from web_panels.marks import Scene, raw_points
 from web_panels.painter import Painter
 from web_panels.panel import Page
+from web_panels.polar_charts import nice_reach
 from web_panels.sensor_pane import SensorPane, limits_words
-from web_panels.sensor_polar import nice_reach
 from web_panels.style import RGB, C
 
 SIZE = (800, 360)
@@ -25,6 +25,7 @@ class BarChart:
 
     size: tuple[int, int] = SIZE
     magnification = 0.0
+    wide = False
 
     def __init__(self, limits: tuple[float, float], unit: str) -> None:
         self.lo, self.hi, self.unit = limits[0], limits[1], unit

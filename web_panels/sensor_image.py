@@ -1,4 +1,8 @@
-"""A camera's measurement space: the picture itself, enlarged, in pixels."""
+"""A camera's measurement space: the picture itself, enlarged, in pixels.
+
+A sensor that measures more than a pixel (a depth, a second picture) is drawn where its leading two
+components, u and v, are.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,7 @@ from scene_core.models.base import Sensor
 from web_panels.marks import Scene, raw_pixels, raw_points
 from web_panels.painter import Painter, dots
 from web_panels.panel import Page
-from web_panels.sensor_pane import SensorPane
+from web_panels.sensor_pane import SensorPane, limits_words
 from web_panels.style import C
 
 CANVAS_WIDTH = 800
@@ -22,6 +26,8 @@ DARKEN = (np.arange(256) * 0.82).astype(np.uint8)
 
 class ImageChart:
     """Pixels (u, v) of an image of `width` x `height`, magnified by `magnification`."""
+
+    wide = False
 
     def __init__(self, width: float, height: float) -> None:
         self.width, self.height = width, height
@@ -45,14 +51,15 @@ class ImageChart:
             painter.line(np.array([x, 0.0]), np.array([x, h]), C["line"], 1.0)
         for y in np.arange(step, h, step):
             painter.line(np.array([0.0, y]), np.array([w, y]), C["line"], 1.0)
-        dots(canvas, self.place(z.reshape(-1, 2)), 3.2 * painter.u)
+        if len(z):
+            dots(canvas, self.place(z), 3.2 * painter.u)
 
     def place(self, z: Vec, lane: np.ndarray | None = None) -> Vec:
         # Pixel centres are at whole numbers; the first pixel covers -0.5 to 0.5.
-        return (z + 0.5) * self.magnification - 0.5
+        return (z[..., :2] + 0.5) * self.magnification - 0.5
 
     def outlines(self, h: Vec, S: Mat, half_width: float, lane: np.ndarray) -> Vec:
-        return self.place(ellipse_points(h, S, half_width, 40))
+        return self.place(ellipse_points(h[..., :2], S[..., :2, :2], half_width, 40))
 
     def measurement(self, xy: Vec) -> tuple[float, ...] | None:
         u, v = (np.asarray(xy) + 0.5) / self.magnification - 0.5
@@ -62,14 +69,19 @@ class ImageChart:
 
 def image_chart(sensor: Sensor, scene: Scene) -> ImageChart:
     """The chart of a camera."""
-    (_, width), (_, height) = sensor.limits
+    (_, width), (_, height) = sensor.limits[:2]
     return ImageChart(width, height)
 
 
 def image_words(sensor: Sensor) -> str:
-    """Size of the picture."""
-    (_, width), (_, height) = sensor.limits
-    return f"{width:.0f} × {height:.0f} px"
+    """Size of the picture, and the range of what else is measured."""
+    (_, width), (_, height) = sensor.limits[:2]
+    size = f"{width:.0f} × {height:.0f} px"
+    if sensor.measurement_size == 2:
+        return size
+    if sensor.limits[2:] == sensor.limits[:2]:
+        return f"two pictures of {size}"
+    return f"{size}, {limits_words(sensor, first=2)}"
 
 
 class SensorImage(SensorPane):

@@ -17,7 +17,7 @@ from web_panels.clickable import Click, ClickableImage
 from web_panels.drawing import Chart, Shape, hit, paint
 from web_panels.marks import Scene, scene_of
 from web_panels.panel import Page, Post
-from web_panels.style import C, escape, number, quantity
+from web_panels.style import C, escape, quantity
 
 REMEMBERED = 40
 """Pictures whose clicks are still understood: a click travels back for a while."""
@@ -155,15 +155,14 @@ def regions(scene: Scene, p: Published) -> str:
     return f"gates {100.0 * policies.gate.confidence:.3g} %"
 
 
-def limits_words(sensor: Sensor) -> str:
-    """Ranges of what a sensor measures, e.g. r to 8 m, b ±180°."""
-    return ", ".join(
-        f"{escape(name)} {_range(lo, hi, unit)}"
-        for name, (lo, hi), unit in zip(sensor.labels, sensor.limits, sensor.units, strict=True)
-    )
+def limits_words(sensor: Sensor, first: int = 0) -> str:
+    """Ranges of what a sensor measures, e.g. r to 8 m, b ±180°, from its component `first` on."""
+    parts = list(zip(sensor.labels, sensor.limits, sensor.units, strict=True))[first:]
+    return ", ".join(f"{escape(name)} {_range(lo, hi, unit)}" for name, (lo, hi), unit in parts)
 
 
 def _range(lo: float, hi: float, unit: str) -> str:
     if lo == -hi:
         return f"±{quantity(hi, unit)}"
-    return f"to {quantity(hi, unit)}" if lo == 0 else f"{number(lo)} to {quantity(hi, unit)}"
+    to = f"to {quantity(hi, unit)}"
+    return to if lo == 0 else f"{quantity(lo, unit)} {to}"

@@ -81,6 +81,7 @@ class InitialiseAt:
 
     mount: str
     z: tuple[float, ...]
+    """The measurement's leading components: as many as the pane shows."""
     frame: int
 
 

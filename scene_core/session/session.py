@@ -325,8 +325,8 @@ class Session:
                 f"{self.frame}: pause, then click"
             )
         size = self.world.mounts[command.mount].sensor.measurement_size
-        if len(command.z) != size:
-            raise ParamError(f"a place in sensor '{command.mount}' has {size} coordinates")
+        if not 1 <= len(command.z) <= size:
+            raise ParamError(f"a place in sensor '{command.mount}' has up to {size} coordinates")
         self._discard_future(self.frame, computed=self._at.frame)
         self._clicks.setdefault(command.frame, []).append(command)
         if self._open is not None:

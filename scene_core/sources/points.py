@@ -108,10 +108,11 @@ def detect_identities(
 
 
 def nearest_identity(points: Points, z: Vec) -> Detection | None:
-    """The measurement with an identity that lies nearest to where somebody pointed."""
+    """The measurement with an identity that lies nearest to where somebody pointed; z holds its
+    leading components, as many as a picture shows."""
     if points.ids is None or len(points.z) == 0:
         return None
-    k = int(np.argmin(np.sum((points.z - z) ** 2, axis=-1)))
+    k = int(np.argmin(np.sum((points.z[:, : len(z)] - z) ** 2, axis=-1)))
     R = None if points.R is None else points.R[k]
     return Detection(points.z[k], int(points.ids[k]), R)
 

@@ -131,7 +131,10 @@ class Simulation:
             return pictures.pointed_at(raw, z, vision, where)
         found = points.nearest_identity(raw, z)
         span = np.array([high - low for low, high in sensor.limits])
-        if found is None or np.linalg.norm(sensor.nu(z, found.z).nu / span) > 0.05:
+        if found is None:
+            return None
+        there = np.concatenate([z, found.z[len(z) :]])
+        if np.linalg.norm(sensor.nu(there, found.z).nu / span) > 0.05:
             return None
         return found
 
@@ -255,7 +258,8 @@ class Simulation:
 
     def _measured(self, mount: str, state: SimulationState, index: int) -> Raw:
         sensor, calib, now = self._camera(mount, state.xv)
-        if self.rendering is None or sensor.pane != "image":
+        # A picture tells nothing but pixels.
+        if self.rendering is None or sensor.labels != ("u", "v"):
             return self.outlook(mount, state.xv).measured(
                 self.disturbances, (self.seed, mount, index)
             )

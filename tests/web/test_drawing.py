@@ -9,9 +9,9 @@ from web_panels.drawing import hit, paint, shapes_of
 from web_panels.labels import Occupancy
 from web_panels.marks import Mark, Scene, String
 from web_panels.painter import Painter
+from web_panels.polar_charts import PolarChart, nice_reach
 from web_panels.sensor_bar import BarChart
 from web_panels.sensor_image import ImageChart
-from web_panels.sensor_polar import PolarChart, nice_reach
 from web_panels.style import C
 
 GREY = Image(np.full((240, 320), 90, np.uint8))
