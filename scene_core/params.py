@@ -212,11 +212,16 @@ def check_value(path: str, value: Any, old: Any, meta: Mapping[str, Any]) -> Any
     return _number(path, value, int if isinstance(old, int) else float, meta, unit)
 
 
-def _rows(path: str, value: Any, meta: Mapping[str, Any], unit: str) -> tuple[tuple[float, ...], ...]:
+def _rows(
+    path: str, value: Any, meta: Mapping[str, Any], unit: str
+) -> tuple[tuple[float, ...], ...]:
     """A list of rows of numbers, all of one length."""
     rows = value if isinstance(value, (list, tuple)) else None
     if rows is None or len(rows) > MOST_ROWS:
-        raise ParamError(f"{path}: give a list of at most {MOST_ROWS} rows of numbers")
+        raise ParamError(
+            f"{path}: give at most {MOST_ROWS} rows of numbers, as a list of lists or like "
+            "1.5, 2; 0, -3"
+        )
     for i, row in enumerate(rows, 1):
         if not isinstance(row, (list, tuple)) or not 0 < len(row) <= MOST_COLUMNS:
             raise ParamError(f"{path}, row {i} is {row!r:.60}: give a list of numbers")
@@ -229,6 +234,20 @@ def _rows(path: str, value: Any, meta: Mapping[str, Any], unit: str) -> tuple[tu
         tuple(_number(f"{path}, row {i}", v, float, meta, unit) for v in row)
         for i, row in enumerate(rows, 1)
     )
+
+
+def rows_text(rows: tuple[tuple[float, ...], ...], scale: float = 1.0) -> str:
+    """Rows as people type them: 1.5, 2; 0, -3."""
+    return "; ".join(", ".join(f"{v * scale:.6g}" for v in row) for row in rows)
+
+
+def rows_typed(text: str, scale: float = 1.0) -> list[list[float]] | str:
+    """What `rows_text` writes, read; a text that is none stays one, to be refused."""
+    rows = [row.split(",") for row in text.split(";") if row.strip()]
+    try:
+        return [[float(v) / scale for v in row] for row in rows]
+    except ValueError:
+        return text
 
 
 def _number(path: str, value: Any, kind: type, meta: Mapping[str, Any], unit: str) -> Any:

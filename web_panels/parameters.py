@@ -9,7 +9,7 @@ from typing import Any
 import viser
 
 from scene_core import params
-from scene_core.params import Spec
+from scene_core.params import Spec, rows_text
 from scene_core.session.commands import Redo, ResetParams, SetParam, Undo
 from scene_core.session.config import Experiment
 from scene_core.session.published import Published
@@ -46,6 +46,8 @@ def written(value: Any, spec: Spec) -> str:
         return f"{text}{'' if unit.startswith('°') else ' '}{unit}".strip()
     if isinstance(value, tuple):
         scale, unit = shown(1.0, spec.unit)
+        if spec.rows:
+            return f"{rows_text(value, scale) or 'none'} {unit}".strip()
         return f"({', '.join(number(v * scale, 4) for v in value)}) {unit}".strip()
     return str(value)
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import viser
 
-from scene_core.params import Spec
+from scene_core.params import Spec, rows_text, rows_typed
 from web_panels import viser_hooks
 from web_panels.style import shown
 
@@ -146,11 +146,15 @@ class Field:
         self.bound = Bound(handle, group, lambda v: send(self._to_si(v)))
 
     def _to_page(self, value: Any) -> Any:
+        if self.spec.rows:
+            return rows_text(value, self.scale)
         if isinstance(value, tuple):
             return tuple(rounded(float(v) * self.scale) for v in value)
         return rounded(value * self.scale) if isinstance(value, float) else value
 
     def _to_si(self, value: Any) -> Any:
+        if self.spec.rows:
+            return rows_typed(value, self.scale)
         if isinstance(self.spec.value, tuple):
             return tuple(float(v) / self.scale for v in value)
         if isinstance(self.spec.value, float):
@@ -209,7 +213,7 @@ class Field:
 
     def show(self, value: Any) -> None:
         """Show the value in force (SI)."""
-        if isinstance(value, tuple) and len(value) not in (2, 3):
+        if isinstance(value, tuple) and len(value) not in (2, 3) and not self.spec.rows:
             self.bound.show(", ".join(f"{v * self.scale:g}" for v in value))
         else:
             self.bound.show(self._to_page(value))

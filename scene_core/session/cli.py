@@ -20,7 +20,7 @@ import tyro
 from threadpoolctl import threadpool_limits
 
 from scene_core.filter.ports import EndOfData, SourceError
-from scene_core.params import ParamError, get
+from scene_core.params import ParamError, get, rows_typed
 from scene_core.session import presets, toml_io, units
 from scene_core.session.alignment import Alignment
 from scene_core.session.config import Experiment
@@ -186,6 +186,8 @@ def parsed(text: str, old: Any) -> Any:
     value stays text, for the parameter's own check to refuse."""
     if isinstance(old, bool):
         return {"true": True, "false": False}.get(text.lower(), text)
+    if isinstance(old, tuple) and (";" in text or any(isinstance(row, tuple) for row in old)):
+        return rows_typed(text)
     if isinstance(old, tuple):
         return [parsed(part.strip(), 0.0) for part in text.strip("()[]").split(",")]
     if isinstance(old, (int, float)):

@@ -14,6 +14,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from scene_core.arrays import Vec
+from scene_core.filter.ports import SourceError
 from scene_core.models.base import MotionModel
 from scene_core.params import param
 
@@ -38,6 +39,10 @@ class Driver(ABC):
 
     def memory0(self) -> Any:
         """What the driver knows before the first frame."""
+        return None
+
+    def check(self, motion: MotionModel) -> None:
+        """Raises SourceError when it can not drive a motion model; it can, unless overridden."""
         return None
 
     def start(self, motion: MotionModel, dt: float) -> Mapping[str, float]:
@@ -72,21 +77,36 @@ class Waypoints(Driver):
     """Drives from waypoint to waypoint for ever, as the motion model itself knows how to."""
 
     name: ClassVar[str] = "waypoints"
-    points: tuple[tuple[float, ...], ...] = ()
-    """Positions in the robot's space, in m; after the last one comes the first."""
+    points: tuple[tuple[float, ...], ...] = param(
+        (), unit="m", lo=-1e5, hi=1e5, rows=True, label="Waypoints"
+    )
+    """Positions in the robot's space, (z), (z, x) or (x, y, z); after the last one comes the first.
+    No waypoints: it stays where it is."""
 
     def memory0(self) -> Any:
         return 0
 
+    def check(self, motion: MotionModel) -> None:
+        d = motion.space.d
+        for i, point in enumerate(self.points, 1):
+            if len(point) != d:
+                raise SourceError(
+                    f"waypoint {i} is {list(point)}: a robot in {motion.space.name} needs "
+                    f"{d} number{'s' * (d > 1)}, ({', '.join(motion.space.labels[:d])}) in m"
+                )
+
     def drive(
         self, motion: MotionModel, xv: Vec, memory: Any, index: int, dt: float, seed: int
     ) -> Drive:
+        self.check(motion)
+        # Another driver may have been at the wheel.
+        goal = memory if isinstance(memory, int) else 0
         for ahead in range(len(self.points)):
-            goal = (memory + ahead) % len(self.points)
-            u = motion.navigate(xv, np.array(self.points[goal], dtype=float), dt)
+            at = (goal + ahead) % len(self.points)
+            u = motion.navigate(xv, np.array(self.points[at], dtype=float), dt)
             if u is not None:
-                return Drive(u, goal)
-        return Drive(np.zeros(len(motion.control_labels)), memory)
+                return Drive(u, at)
+        return Drive(np.zeros(len(motion.control_labels)), goal)
 
 
 @dataclass(frozen=True)
@@ -108,7 +128,8 @@ class Shuttle(Driver):
         self, motion: MotionModel, xv: Vec, memory: Any, index: int, dt: float, seed: int
     ) -> Drive:
         z = motion.space.position(motion.xp(xv).xp)[0]
-        direction = -1.0 if z >= self.high else 1.0 if z <= self.low else memory
+        going = memory if memory in (-1.0, 1.0) else 1.0
+        direction = -1.0 if z >= self.high else 1.0 if z <= self.low else going
         return Drive(controls_of(motion, {"v": direction * self.speed}), direction)
 
 

@@ -9,11 +9,10 @@ import numpy as np
 
 from scene_core.arrays import Vec, frozen
 from scene_core.filter.ports import Points, SourceError
-from scene_core.geometry.spaces import embed_points
 from scene_core.models.base import Fault, Sensor
 from scene_core.sources import noise
-from scene_core.sources.truth import Disturbances
-from scene_core.sources.worlds import SimulatedWorld, landmarks
+from scene_core.sources.truth import Disturbances, with_outliers
+from scene_core.sources.worlds import SimulatedWorld, in_axes, landmarks
 
 
 @dataclass(frozen=True)
@@ -36,14 +35,14 @@ class Outlook:
     @cached_property
     def X_W(self) -> Vec:
         """All landmarks as homogeneous points (K, d+1) of the world."""
-        space, at = self.sensor.space, landmarks(self.world)[1]
-        if self.world.space is not space:
-            if self.world.space.d > space.d:
-                raise SourceError(
-                    f"the world '{self.world.name}' is {self.world.space.name} and can not be seen "
-                    f"by a {space.name} sensor: choose a {self.world.space.name} sensor"
-                )
-            at = embed_points(at, self.world.space, self.up)
+        space, own, at = self.sensor.space, self.world.space, landmarks(self.world)[1]
+        if own is not space and space.d < 3:
+            raise SourceError(
+                f"the world '{self.world.name}' is {own.name} and can not be seen by a "
+                f"{space.name} sensor: choose a {own.name} sensor"
+            )
+        if space.d == 3:
+            at = in_axes(self.world, at, self.up)
         return np.concatenate([at, np.ones((len(at), 1))], axis=1)
 
     @cached_property
@@ -82,22 +81,12 @@ class Outlook:
         rng = noise.rng(seed, f"measurements:{mount}", index)
         z = self.sensor.h_noisy(self.X_S[there], self.calib, rng)
         if wrong.outliers > 0.0:
-            z = self._with_outliers(z, there, wrong, noise.rng(seed, f"outliers:{mount}", index))
+            h, rng = self.h[there], noise.rng(seed, f"outliers:{mount}", index)
+            R = np.broadcast_to(self.sensor.R(h), (*h.shape, h.shape[1]))
+            z = with_outliers(z, h, R, there, len(self.ids), wrong, rng)
         z = self.sensor.nu(np.zeros_like(z), z).nu
         low, high = np.array(self.sensor.limits).T
         inside = ((z >= low) & (z <= high)).all(axis=1)
         ids = self.ids[there][inside]
         ids.flags.writeable = False
         return Points(frozen(z[inside]), ids)
-
-    def _with_outliers(
-        self, z: Vec, there: np.ndarray, wrong: Disturbances, rng: np.random.Generator
-    ) -> Vec:
-        count, m = self.h.shape
-        hit = rng.random(count) < wrong.outliers
-        way = rng.standard_normal((count, m))
-        way *= (rng.uniform(0.5, 1.5, count) / np.linalg.norm(way, axis=1))[:, None]
-        h = self.h[there]
-        L = np.linalg.cholesky(np.broadcast_to(self.sensor.R(h), (*h.shape, m)))
-        far = h + wrong.outlier_sigma * (L @ way[there][..., None])[..., 0]
-        return np.where(hit[there][:, None], far, z)

@@ -22,20 +22,23 @@ from scene_core.filter.ports import (
     Image,
     Match,
     Occupied,
+    Points,
     Query,
     Raw,
     SourceError,
     Truth,
 )
 from scene_core.geometry import quaternion
-from scene_core.geometry.spaces import embed, embed_points
+from scene_core.geometry.spaces import embed
 from scene_core.models.base import Sensor
 from scene_core.models.labels import bare, quaternions
 from scene_core.params import param
-from scene_core.sources import noise, pictures, points
+from scene_core.sources import noise, pictures, points, segments
 from scene_core.sources.identified import Outlook
 from scene_core.sources.render import Rendering
 from scene_core.sources.room import Surface, TexturedRoom
+from scene_core.sources.segments import LineOutlook, measures_lines
+from scene_core.sources.terrain import on_ground
 from scene_core.sources.truth import (
     Disturbances,
     SimulationState,
@@ -43,7 +46,7 @@ from scene_core.sources.truth import (
     TrueMount,
     TrueRobot,
 )
-from scene_core.sources.worlds import SimulatedWorld, landmarks
+from scene_core.sources.worlds import SimulatedWorld, in_axes, landmarks, lines
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,7 @@ class Simulation:
     mounts: Mapping[str, TrueMount]
     instruments: Mapping[str, TrueInstrument] = field(default_factory=dict)
     disturbances: Disturbances = field(default_factory=Disturbances)
-    """For points with identities."""
+    """For points and segments with identities."""
     rendering: Rendering | None = None
     """Cameras deliver images of the world, which must be a room; None: points with identities."""
     dt: float = param(0.1, unit="s", lo=1e-4, hi=100.0, effect="on reset", label="Frame time")
@@ -86,7 +89,7 @@ class Simulation:
         raw: dict[str, Raw] = {
             i: self._measured(i, state, index)
             for i, mount in self.mounts.items()
-            if index % mount.every == 0
+            if mount.fires(index)
         }
         frame = Frame(
             index=index,
@@ -104,12 +107,18 @@ class Simulation:
         if isinstance(raw, Image):
             sensor, calib, pose = self._camera(query.mount, self.true_states(frame))
             return pictures.searched(raw, query, vision, sensor, calib, pose)
-        outlook = self.outlook(query.mount, self.true_states(frame))
-        row = {int(identity): k for k, identity in enumerate(outlook.ids)}
-        sensor = self.mounts[query.mount].sensor
-        found = points.match_points(raw, query, lambda h, z: sensor.nu(h, z).nu)
+        xv, sensor = self.true_states(frame), self.mounts[query.mount].sensor
+        if query.shape == "segment":
+            outlook = self.line_outlook(query.mount, xv)
+            ids, h = outlook.ids[outlook.parts.rows], outlook.parts.h
+            found = segments.match_lines(raw, query)
+        else:
+            outlook = self.outlook(query.mount, xv)
+            ids, h = outlook.ids, outlook.h
+            found = points.match_points(raw, query, lambda h, z: sensor.nu(h, z).nu)
+        row = {int(identity): k for k, identity in enumerate(ids)}
         return [
-            match if match.z is None else replace(match, true_z=outlook.h[row[int(identity)]])
+            match if match.z is None else replace(match, true_z=h[row[int(identity)]])
             for match, identity in zip(found, query.appearance, strict=True)
         ]
 
@@ -121,6 +130,8 @@ class Simulation:
             where = self._room(), *self._camera(mount, self.true_states(frame))
             key = (self.seed, frame.index)
             return pictures.detected(raw, occupied.h, count, vision, key, where)
+        if occupied.shape == "segment":
+            return segments.detect_lines(raw, occupied, count, m.shortest)
         return points.detect_identities(raw, occupied, count, m.margin, m.sensor.limits)
 
     def appearance_at(self, frame: Frame, mount: str, z: Vec, vision: Vision) -> Detection | None:
@@ -158,9 +169,7 @@ class Simulation:
 
     def outline(self) -> Vec:
         """Segments (M, 2, 3) in world axes that show the place on the map."""
-        segments = self.world.outline()
-        flat = embed_points(segments.reshape(-1, self.world.space.d), self.world.space, self.up)
-        return flat.reshape(-1, 2, 3)
+        return in_axes(self.world, self.world.outline(), self.up)
 
     def true_pose(self, mount: str, xv: Mapping[str, Vec]) -> Vec:
         """Pose x_WS of a sensor when the robots are truly at xv, in the sensor's space."""
@@ -174,6 +183,11 @@ class Simulation:
     def outlook(self, mount: str, xv: Mapping[str, Vec]) -> Outlook:
         """The landmarks as a sensor truly sees them when the robots are at xv."""
         return Outlook(self.world, self.up, *self._camera(mount, xv))
+
+    def line_outlook(self, mount: str, xv: Mapping[str, Vec]) -> LineOutlook:
+        """The line landmarks as a camera truly sees them when the robots are at xv."""
+        shortest = self.mounts[mount].shortest
+        return LineOutlook(self.world, self.up, *self._camera(mount, xv), shortest)
 
     def true_calib(self, mount: str) -> Vec:
         """True calibration of a sensor."""
@@ -202,7 +216,12 @@ class Simulation:
             turn = np.array([sd * rng.standard_normal() for sd in sds])
             step = quaternion.from_rotation_vector(turn)[0]
             xv[rows] = quaternion.product(xv[rows], step)
-        return motion.normalise(xv).value
+        return self._settled(robot, xv)
+
+    def _settled(self, robot: TrueRobot, xv: Vec) -> Vec:
+        """A true state on its constraint, and on the ground where the robot is kept there."""
+        xv = robot.motion.normalise(xv).value
+        return on_ground(self.world, self.up, robot.motion, xv) if robot.on_ground else xv
 
     def _robot_calib(self, robot: TrueRobot) -> Vec:
         return _calibrated(robot.motion.calib_labels, robot.motion.calib0, robot.calib)
@@ -225,14 +244,17 @@ class Simulation:
             else:
                 rng = noise.rng(self.seed, f"motion:{i}", index)
                 moved = motion.f_noisy(at, u, self.dt, k, rng)
-            xv[i] = frozen(motion.normalise(moved).value)
+            xv[i] = frozen(self._settled(robot, moved))
             memory[i] = drive.memory
             if motion.control_labels:
                 controls[i] = (Control(self.dt, motion.control_labels, frozen(u)),)
         return SimulationState(xv, memory, state.xv), controls
 
     def _check(self) -> None:
-        """Refuses what can not be simulated together."""
+        """Refuses what can not be simulated together, and a world that can not be read."""
+        landmarks(self.world)
+        for robot in self.robots.values():
+            robot.driver.check(robot.motion)
         for i, mount in self.mounts.items():
             if mount.robot not in self.robots:
                 raise SourceError(f"source.mounts.{i}: there is no true robot '{mount.robot}'")
@@ -260,9 +282,7 @@ class Simulation:
         sensor, calib, now = self._camera(mount, state.xv)
         # A picture tells nothing but pixels.
         if self.rendering is None or sensor.labels != ("u", "v"):
-            return self.outlook(mount, state.xv).measured(
-                self.disturbances, (self.seed, mount, index)
-            )
+            return self._listed(mount, state, index)
         return pictures.photographed(
             self._room(),
             sensor,
@@ -272,6 +292,15 @@ class Simulation:
             self.rendering,
             (self.seed, f"image:{mount}", index),
         )
+
+    def _listed(self, mount: str, state: SimulationState, index: int) -> Points:
+        """Measurements with identities, of segments too where a camera has some to look at."""
+        key = (self.seed, mount, index)
+        found = self.outlook(mount, state.xv).measured(self.disturbances, key)
+        if len(lines(self.world).ids) == 0 or not measures_lines(self.mounts[mount].sensor):
+            return found
+        seen = self.line_outlook(mount, state.xv).measured(self.disturbances, key)
+        return replace(found, lines=seen)
 
     def _felt(self, name: str, state: SimulationState, index: int) -> Vec:
         """An internal measurement of the true state."""
@@ -301,7 +330,19 @@ class Simulation:
             calib = self.true_calib(i).tolist()
             labels[f"mount:{i}:calib"] = dict(zip(mount.sensor.calib_labels, calib, strict=True))
         ids, at = landmarks(self.world)
-        return Truth(xp=xp, labels=labels, points=frozen(at), ids=_read_only(ids))
+        known = lines(self.world)
+        return Truth(
+            xp=xp,
+            labels=labels,
+            points=frozen(self._own_axes(at)),
+            ids=ids,
+            segments=frozen(self._own_axes(known.ends)),
+            segment_ids=known.ids,
+        )
+
+    def _own_axes(self, at: Vec) -> Vec:
+        """Places (..., d) in the axes of the simulation, of as many dimensions as they have."""
+        return in_axes(self.world, at, self.up) if self.world.space.d == 3 else at
 
 
 def _calibrated(labels: Sequence[str], nominal: Vec, true: Mapping[str, float]) -> Vec:
@@ -316,9 +357,3 @@ def _factor(P: Vec) -> Vec:
     """L with L L' = P for a positive semidefinite P."""
     values, vectors = np.linalg.eigh(P)
     return vectors * np.sqrt(np.maximum(values, 0.0))
-
-
-def _read_only(a: np.ndarray) -> np.ndarray:
-    out = a.copy()
-    out.flags.writeable = False
-    return out

@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from scene_core.arrays import Vec
+import numpy as np
+
+from scene_core.arrays import Mat, Vec
 from scene_core.models.base import InternalMeasurementModel, MotionModel, Sensor
 from scene_core.params import param
 from scene_core.sources.drivers import Driver
@@ -28,6 +30,9 @@ class TrueRobot:
     noise_on: str = param("motion", choices=("motion", "controls"), label="Noise on")
     """motion: the robot strays from the commanded motion. controls: it moves exactly as commanded
     and the estimator receives the commands with noise (the toolbox)."""
+    on_ground: bool = param(False, effect="on reset", label="On the ground")
+    """After every motion it is put down on the world's ground and tilted to its slope, keeping its
+    heading; in a world that has a ground (terrain), with a motion model in 3-D."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +48,18 @@ class TrueMount:
     """True calibration by label where it is not the sensor's nominal one."""
     every: int = param(1, lo=1, hi=1000, soft=(1, 10), label="Every n frames")
     """The sensor fires in every n-th frame."""
+    offset: int = param(0, lo=0, hi=1000, soft=(0, 10), label="First frame")
+    """The frame it fires in for the first time."""
     margin: float = param(0.0, lo=0.0, hi=1e4, soft=(0.0, 100.0), label="Margin")
     """New landmarks are offered only this far inside the sensor's limits, in its own units."""
+    shortest: float = param(
+        20.0, unit="px", lo=0.0, hi=1e4, soft=(0.0, 100.0), label="Shortest line"
+    )
+    """A camera measures a segment only when at least this much of it is in the image."""
+
+    def fires(self, index: int) -> bool:
+        """Whether the sensor measures in a frame."""
+        return index >= self.offset and (index - self.offset) % self.every == 0
 
 
 @dataclass(frozen=True)
@@ -57,7 +72,7 @@ class TrueInstrument:
 
 @dataclass(frozen=True)
 class Disturbances:
-    """What goes wrong with measurements of identified points."""
+    """What goes wrong with measurements of identified points and segments."""
 
     misses: float = param(0.0, lo=0.0, hi=1.0, soft=(0.0, 0.5), label="Missed")
     """Fraction of the visible landmarks that are not detected."""
@@ -66,6 +81,28 @@ class Disturbances:
     outlier_sigma: float = param(30.0, lo=1.0, hi=1e4, soft=(3.0, 100.0), label="Outlier size")
     """Distance of an outlier from the truth in standard deviations of the sensor's noise, half to
     one and a half times this, in any direction."""
+
+
+def with_outliers(
+    z: Vec,
+    h: Vec,
+    R: Mat,
+    rows: np.ndarray,
+    count: int,
+    wrong: Disturbances,
+    rng: np.random.Generator,
+) -> Vec:
+    """Measurements z (K, m) with some of them somewhere else, far from the true h (K, m).
+
+    Of the `count` landmarks of the world those at `rows` (K,) are seen; which are hit and where to
+    does not depend on that. R (K, m, m) is what the distance is measured by.
+    """
+    m = h.shape[1]
+    hit = rng.random(count) < wrong.outliers
+    way = rng.standard_normal((count, m))
+    way *= (rng.uniform(0.5, 1.5, count) / np.linalg.norm(way, axis=1))[:, None]
+    far = h + wrong.outlier_sigma * (np.linalg.cholesky(R) @ way[rows][..., None])[..., 0]
+    return np.where(hit[rows][:, None], far, z)
 
 
 @dataclass(frozen=True)

@@ -3,41 +3,97 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from scene_core.arrays import Mat, Vec
-from scene_core.geometry.spaces import ONE_D, THREE_D, TWO_D, Space
+from scene_core.geometry.spaces import ONE_D, THREE_D, TWO_D, Space, embed_points
 from scene_core.params import param
 from scene_core.sources import noise
 
 
+class Ground(NamedTuple):
+    """What a robot drives on at some places of the plane."""
+
+    height: Vec
+    """(...,) m."""
+    slope: Vec
+    """(..., 2): dheight/dx, dheight/dy."""
+
+
 class SimulatedWorld(ABC):
-    """True landmarks with identities, in one space."""
+    """True landmarks with identities, in one space: points, and the segments of straight lines."""
 
     name: ClassVar[str]
     """The word the settings file uses."""
     space: ClassVar[Space]
+    turns: ClassVar[bool] = False
+    """A 3-D world that is written with z up and stands upright in a y-up simulation as well: its
+    x, y, z become that one's z, x, y. False: its axes are the simulation's as they are."""
 
     @abstractmethod
     def points(self) -> tuple[np.ndarray, Vec]:
         """Identities (K,) int and positions (K, d) in m."""
 
-    def outline(self) -> Mat:
-        """Segments (M, 2, d) that show the place on the map; none unless overridden."""
+    def segments(self) -> Mat:
+        """Ends (M, 2, d) in m of the true line landmarks; none unless overridden."""
         return np.zeros((0, 2, self.space.d))
+
+    def outline(self) -> Mat:
+        """Segments (M, 2, d) that show the place on the map; its line landmarks unless
+        overridden."""
+        return self.segments()
+
+    def ground(self, at: Vec) -> Ground | None:
+        """The ground below places (..., 2) in m of a z-up world; None: it has none."""
+        return None
+
+    def version(self) -> Hashable:
+        """What tells that the landmarks of an equal world are still the same."""
+        return None
+
+
+class Lines(NamedTuple):
+    """True line landmarks."""
+
+    ids: np.ndarray
+    """Identities (M,)."""
+    ends: Mat
+    """(M, 2, d) m."""
+
+
+def landmarks(world: SimulatedWorld) -> tuple[np.ndarray, Vec]:
+    """`world.points()`, computed once and read-only."""
+    return _landmarks(world, world.version())[0]
+
+
+def lines(world: SimulatedWorld) -> Lines:
+    """`world.segments()` with identities that go on after those of its points; computed once and
+    read-only."""
+    return _landmarks(world, world.version())[1]
 
 
 @lru_cache(maxsize=16)
-def landmarks(world: SimulatedWorld) -> tuple[np.ndarray, Vec]:
-    """`world.points()`, computed once and read-only."""
+def _landmarks(world: SimulatedWorld, _: Hashable) -> tuple[tuple[np.ndarray, Vec], Lines]:
     ids, at = world.points()
-    ids, at = ids.copy(), np.asarray(at, dtype=np.float64).copy()
-    ids.flags.writeable = at.flags.writeable = False
-    return ids, at
+    ids, at = ids.copy(), np.array(at, dtype=np.float64)
+    ends = np.array(world.segments(), dtype=np.float64)
+    after = int(ids.max(initial=0)) + 1
+    line_ids = np.arange(after, after + len(ends))
+    for a in (ids, at, line_ids, ends):
+        a.flags.writeable = False
+    return (ids, at), Lines(line_ids, ends)
+
+
+def in_axes(world: SimulatedWorld, at: Vec, up: str) -> Vec:
+    """Places (..., d) of a world in the axes (..., 3) of a simulation in which `up` points up."""
+    if world.space.d < 3:
+        return embed_points(at, world.space, up)
+    return at[..., [1, 2, 0]] if world.turns and up == "y" else at
 
 
 @dataclass(frozen=True)
@@ -51,6 +107,7 @@ class ThickCloister(SimulatedWorld):
 
     name: ClassVar[str] = "cloister"
     space: ClassVar[Space] = THREE_D
+    turns: ClassVar[bool] = True
     x0: float = param(-6.0, unit="m", effect="on reset")
     """Western side."""
     x1: float = param(6.0, unit="m", effect="on reset")
@@ -81,9 +138,7 @@ class ThickCloister(SimulatedWorld):
         uprights = np.zeros((len(columns), 2, 3))
         uprights[:, :, :2] = columns[:, None]
         uprights[:, 1, 2] = self.h
-        return np.concatenate(
-            [*(_rectangle(*b, z) for b in boxes for z in (0.0, self.h)), uprights]
-        )
+        return np.concatenate([*(rectangle(*b, z) for b in boxes for z in (0.0, self.h)), uprights])
 
     def _sides(self) -> list[Vec]:
         """Places (9, 2) of each side: outer row, inner row up to the corner of the next side."""
@@ -149,14 +204,14 @@ class Field(SimulatedWorld):
 
     def outline(self) -> Mat:
         z, x = ((n / 2) * self.step for n in (self.rows, self.columns))
-        return _rectangle(-z, z, -x, x, 0.0)[..., :2]
+        return rectangle(-z, z, -x, x, 0.0)[..., :2]
 
     @staticmethod
     def _axis(n: int) -> Vec:
         return np.arange(n, dtype=np.float64) - (n - 1) / 2
 
 
-def _rectangle(x0: float, x1: float, y0: float, y1: float, z: float) -> Mat:
+def rectangle(x0: float, x1: float, y0: float, y1: float, z: float) -> Mat:
     """The four sides (4, 2, 3) of a horizontal rectangle."""
     corners = np.array([(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z)])
     return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)

@@ -35,6 +35,8 @@ def values(spec: Spec) -> st.SearchStrategy[object]:
         lo, hi = int(spec.lo or 0), int(1000 if spec.hi is None else spec.hi)
         return st.integers(lo, hi)
     number = st.floats(spec.lo, spec.hi, allow_nan=False, allow_infinity=False)
+    if spec.rows:
+        return st.integers(1, 3).flatmap(lambda d: st.lists(st.tuples(*[number] * d), max_size=4))
     if isinstance(spec.value, tuple):
         return st.tuples(*[number] * len(spec.value))
     return number
