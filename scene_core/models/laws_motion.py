@@ -178,8 +178,14 @@ def internal_laws(model: InternalMeasurementModel, rng: np.random.Generator) -> 
 
     def noise() -> str:
         hv = model.h(states[0]).hv
-        same = not_equal("nu(h, h)", model.nu(hv, hv), np.zeros(m))
-        return same or not_covariance("R", model.R(hv), m)
+        turned = model.nu(hv, hv + 2.0 * np.pi * angles)
+        return first(
+            [
+                not_equal("nu(h, h)", model.nu(hv, hv), np.zeros(m)),
+                not_equal("nu after a full turn", turned, np.zeros(m)),
+                not_covariance("R", model.R(hv), m),
+            ]
+        )
 
     def feasibility() -> str:
         wrong = [s for s in states if not isinstance(model.feasible(s, model.h(s).hv), Fault)]
@@ -193,7 +199,7 @@ def internal_laws(model: InternalMeasurementModel, rng: np.random.Generator) -> 
     return [
         ("labels and units have matching lengths", lambda: paired("", model.labels, model.units)),
         ("h has the right Jacobian, finite at zero", function),
-        ("R is a covariance and nu(h, h) is zero", noise),
+        ("R is a covariance, nu(h, h) is zero, angles wrap", noise),
         ("feasible returns a Fault", feasibility),
         ("h_noisy spreads as R says", noisy),
     ]
