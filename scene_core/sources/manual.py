@@ -67,8 +67,9 @@ class Manual(Driver):
         if motion.control_labels:
             return Drive(self._controls(motion, xv, dt), memory)
         push = np.zeros(len(xv))
+        free = motion.f(xv, np.zeros(0), dt, motion.calib0).fv
         for prefix in dict.fromkeys(_prefix(s) for s in motion.state_labels):
-            self._push(_Body.of(motion, prefix), xv, dt, push)
+            self._push(_Body.of(motion, prefix), xv, free, dt, push)
         return Drive(np.zeros(0), memory, push)
 
     def _controls(self, motion: MotionModel, xv: Vec, dt: float) -> Vec:
@@ -113,7 +114,7 @@ class Manual(Driver):
                 asked[f"v{axis}", "m/s"], asked[f"d{axis}", "m"] = v[i], v[i] * dt
                 asked[f"w{axis}", "rad/s"], asked[f"a{axis}", "rad"] = w[i], w[i] * dt
             if body.v is not None:
-                wanted = xv[body.v] + self._share(dt) * (body.world(xv, v) - xv[body.v])
+                wanted = self._nearer(xv[body.v], body.world(xv, v), dt)
                 needed = body.own(xv, wanted - free[body.v]) / dt
                 asked |= {(f"a{axis}", "m/s²"): needed[i] for i, axis in enumerate("xyz")}
         return asked
@@ -129,26 +130,27 @@ class Manual(Driver):
         ):
             if prefix + label in labels:
                 i = labels.index(prefix + label)
-                wanted = xv[i] + self._share(dt) * (goal - xv[i])
-                asked[control, unit] = (wanted - free[i]) / dt
+                asked[control, unit] = float(self._nearer(xv[i], goal, dt) - free[i]) / dt
         return asked
 
-    def _push(self, body: _Body, xv: Vec, dt: float, push: Vec) -> None:
-        """What brings the velocities of a body to what is asked for; its pose, if it has none."""
+    def _push(self, body: _Body, xv: Vec, free: Vec, dt: float, push: Vec) -> None:
+        """What brings the velocities of a body to what is asked for, also where they would change
+        by themselves; its pose, if it has none."""
         v, w = self._twist()
         if body.v is not None:
-            push[body.v] = self._share(dt) * (body.world(xv, v) - xv[body.v])
+            push[body.v] = self._nearer(xv[body.v], body.world(xv, v), dt) - free[body.v]
         elif body.r is not None:
             push[body.r] = body.world(xv, v) * dt
         if body.w is not None:
-            push[body.w] = self._share(dt) * (w - xv[body.w])
+            push[body.w] = self._nearer(xv[body.w], w, dt) - free[body.w]
         elif body.q is not None:
             step = quaternion.from_rotation_vector(w * dt)[0]
             push[body.q] = quaternion.product(xv[body.q], step) - xv[body.q]
 
-    def _share(self, dt: float) -> float:
-        """The part of a gap that is closed in dt."""
-        return 1.0 if self.response == 0.0 else -math.expm1(-dt / self.response)
+    def _nearer(self, now: Vec, goal: Vec | float, dt: float) -> Vec:
+        """Where a speed is after dt on its way to what is asked for."""
+        share = 1.0 if self.response == 0.0 else -math.expm1(-dt / self.response)
+        return now + share * (goal - now)
 
     def _twist(self) -> tuple[Vec, Vec]:
         """Velocity and turn rate (3,) in the axes of a robot in space; nose up is a turn about its

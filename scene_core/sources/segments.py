@@ -165,7 +165,7 @@ def clipped(z: Vec, limits: Mat) -> tuple[Vec, np.ndarray]:
     """
     first, way = z[:, :2], z[:, 2:] - z[:, :2]
     low, high = limits.T
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         to_low, to_high = (low - first) / way, (high - first) / way
     along = way != 0.0
     enter = np.where(along, np.minimum(to_low, to_high), -np.inf)
