@@ -12,6 +12,7 @@ import inspect
 from abc import ABCMeta
 from collections.abc import Callable, Mapping
 from functools import wraps
+from pathlib import Path
 from threading import get_ident
 from time import monotonic
 from typing import Any, cast
@@ -71,8 +72,10 @@ def guarded(cls: type[Any], unbatched: frozenset[str] = frozenset()) -> type[Any
     """The class with every contract method checked; those in `unbatched` are fed row by row."""
 
     def wrap(name: str, contract: Contract, method: Callable[..., Any]) -> Callable[..., Any]:
+        where = f"{_place(method)}'{cls.name}'.{name}"
+
         def one(self: Any, *args: Any) -> Any:
-            return _result(self, name, contract, args, lambda *a: method(self, *a))
+            return _result(self, where, name, contract, args, lambda *a: method(self, *a))
 
         run = looped(one, contract) if name in unbatched else one
 
@@ -145,11 +148,21 @@ def _watched(model: Any, method: str, work: Callable[[], Any]) -> Any:
             raise Abandoned
 
 
+def _place(method: Any) -> str:
+    """File and line of a function, for a message."""
+    code = getattr(method, "__code__", None)
+    return f"{Path(code.co_filename).name}, line {code.co_firstlineno}: " if code else ""
+
+
 def _result(
-    model: Any, name: str, contract: Contract, args: tuple[Any, ...], method: Callable[..., Any]
+    model: Any,
+    where: str,
+    name: str,
+    contract: Contract,
+    args: tuple[Any, ...],
+    method: Callable[..., Any],
 ) -> Any:
     """The result as the contract has it; raises ModelError where it can not be."""
-    where = f"'{model.name}'.{name}"
     result: Any = method(*args)
     if result is None and contract.may_be_none:
         return None

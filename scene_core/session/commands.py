@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from scene_core.models.plugins import UserFile
+
 
 @dataclass(frozen=True)
 class Transport:
@@ -85,6 +87,28 @@ class InitialiseAt:
     frame: int
 
 
+@dataclass(frozen=True)
+class ModelsSaved:
+    """Files with models of the user's own were saved: what is in use and conforms is swapped to its
+    new version."""
+
+    files: tuple[UserFile, ...]
+    """All of them, as they are now."""
+    said: tuple[str, ...]
+    """A sentence about every one that changed."""
+
+
+@dataclass(frozen=True)
+class Abandon:
+    """Give up a call of a user's model that does not return: go on from the last good frame with
+    the model before it."""
+
+
+@dataclass(frozen=True)
+class Refresh:
+    """Show again how things stand."""
+
+
 Command = (
     Transport
     | Seek
@@ -97,4 +121,7 @@ Command = (
     | LoadPreset
     | Select
     | InitialiseAt
+    | ModelsSaved
+    | Abandon
+    | Refresh
 )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any
 
 from scene_core import params
 from scene_core.params import ParamError
@@ -62,6 +64,17 @@ def until_reset(edited: Experiment, started: Experiment) -> Experiment:
             if type(params.get(edited, owner)) is type(params.get(started, owner)):
                 edited = params.put(edited, spec.path, before.value)
     return edited
+
+
+def uses(settings: Any, model: type[Any]) -> bool:
+    """Whether a model of this very class is somewhere in the settings."""
+    if type(settings) is model:
+        return True
+    if isinstance(settings, Mapping):
+        return any(uses(value, model) for value in settings.values())
+    if is_dataclass(settings):
+        return any(uses(getattr(settings, f.name), model) for f in fields(settings) if f.init)
+    return False
 
 
 def same_value(experiment: Experiment, command: SetParam) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 import scene_core
 from scene_core.filter.gaussian import FilterError
 from scene_core.filter.ports import SourceError
+from scene_core.models.guard import ModelError
 from scene_core.params import ParamError
 
 PACKAGE = str(Path(scene_core.__file__).parent)
@@ -19,6 +20,9 @@ def explain(error: BaseException) -> tuple[str, str]:
     """A sentence without a full stop, and the traceback when a file of the user's raised it."""
     if isinstance(error, (SourceError, FilterError, ParamError)):
         return str(error).rstrip("."), ""
+    if isinstance(error, ModelError):
+        details = "".join(traceback.format_exception(error))
+        return f"{error}; correct its file, or go back to another model with Undo", details
     user = user_file(error)
     if user:
         details = "".join(traceback.format_exception(error))

@@ -143,6 +143,8 @@ class Metrics:
         """A complete frame, and how long its input took; one that is in the books already comes
         out the same and is only shown."""
         world, truth, row = trace.world, trace.frame.truth, len(self.times)
+        for column in self._columns():
+            column.truncate(row)  # what a model that raised half-way may have left
         if trace.frame.index < self.first + row:
             self.show(trace.frame.index)
             return

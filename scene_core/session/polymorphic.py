@@ -43,8 +43,8 @@ def why_not(hint: Any, name: object) -> str:
     kind = model_kind(hint)
     if kind is None:
         return ""
-    if name in registry.refused(kind):
-        return f"; {registry.refused(kind)[str(name)]}"
+    if isinstance(name, str) and name in registry.refused(kind):
+        return f"; {registry.refused(kind)[name]}"
     return "; one of your own needs --models with its folder"
 
 

@@ -8,6 +8,7 @@ from typing import Literal
 
 from scene_core.arrays import Vec
 from scene_core.filter.records import Event, Trace
+from scene_core.models.plugins import UserFile
 from scene_core.session.alignment import Similarity
 from scene_core.session.config import Experiment
 
@@ -79,6 +80,15 @@ class Failure:
 
 
 @dataclass(frozen=True)
+class Busy:
+    """A call of a user's model that takes long."""
+
+    model: str
+    method: str
+    seconds: int
+
+
+@dataclass(frozen=True)
 class RoleOptions:
     """One row of the Models tab."""
 
@@ -124,3 +134,7 @@ class Published:
     selected: int | None
     can_undo: bool
     can_redo: bool
+    files: tuple[UserFile, ...] = ()
+    """The user's own files with models, as they were last saved."""
+    busy: Busy | None = None
+    """What the estimator has been waiting for, for more than two seconds."""

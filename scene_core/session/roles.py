@@ -7,7 +7,8 @@ from functools import cache
 from typing import Any
 
 from scene_core import params
-from scene_core.models import registry
+from scene_core.models import guard, registry
+from scene_core.models.library import carried
 from scene_core.params import ParamError
 from scene_core.session.config import Experiment, MountSettings, RobotSettings
 from scene_core.session.fit import fitted
@@ -61,9 +62,12 @@ def swapped(
     known = {r.role: r for r in role_options(experiment)}
     if role not in known:
         raise ParamError(f"no role '{role}': choose one of {', '.join(known)}")
+    kind = _kind(role)
+    if name not in registry.models(kind) and name in registry.refused(kind):
+        raise ParamError(registry.refused(kind)[name])
     if name not in known[role].options:
         raise ParamError(f"no model '{name}' for {role}: choose {', '.join(known[role].options)}")
-    if name == known[role].current:
+    if name == known[role].current and not is_outdated(params.get(experiment, role)):
         return experiment, f"{known[role].title} is already '{name}'"
     if role == LANDMARK:
         return _with_landmark(experiment, base, name), ""
@@ -71,11 +75,36 @@ def swapped(
     owner, original = params.get(experiment, owner_path), params.get(base, owner_path)
     if role.endswith(".motion"):
         after, note = _with_motion(owner, original, name), ""
-    elif original.sensor.name == name:
+    elif original.sensor.name == name and not is_outdated(original.sensor):
         after, note = original, "the scenario's own calibration"
     else:
         after, note = _with_sensor(owner, name)
     return params.put(experiment, owner_path, after), note
+
+
+def outdated(experiment: Experiment) -> list[tuple[str, str]]:
+    """Roles whose model is an earlier version of what its file holds now, with its name."""
+    roles = [r for r in role_options(experiment) if r.role not in CHOICES]
+    return [(r.role, r.current) for r in roles if is_outdated(params.get(experiment, r.role))]
+
+
+def is_outdated(model: Any) -> bool:
+    """Whether the file of a user's model was saved again, in a version that can be used."""
+    cls = type(model)
+    now = registry.models(registry.kind_of(model)).get(model.name)
+    return guard.is_guarded(cls) and now is not None and now is not cls
+
+
+def _kind(role: str) -> str:
+    if role == LANDMARK:
+        return "features"
+    return "motion" if role.endswith(".motion") else "sensors"
+
+
+def _made(kind: str, name: str, old: Any) -> Any:
+    """A model with its defaults; the new version of `old` with what was edited on it."""
+    cls = registry.model_class(kind, name)
+    return carried(old, cls) if old.name == name else cls()
 
 
 @cache
@@ -87,7 +116,9 @@ def _example(model: type[Any]) -> Any:
 def _names(kind: str, **same: Any) -> tuple[str, ...]:
     """Names of the models of a kind whose attributes are as given."""
     found = ((name, _example(cls)) for name, cls in registry.models(kind).items())
-    return tuple(n for n, model in found if all(getattr(model, k) == v for k, v in same.items()))
+    fitting = [n for n, model in found if all(getattr(model, k) == v for k, v in same.items())]
+    # One that does not conform can be looked for here, and is refused with the reason.
+    return tuple(dict.fromkeys((*fitting, *registry.refused(kind))))
 
 
 def _true_mounts(experiment: Experiment) -> dict[str, Any]:
@@ -98,7 +129,10 @@ def _true_mounts(experiment: Experiment) -> dict[str, Any]:
 
 def _with_landmark(experiment: Experiment, base: Experiment, name: str) -> Experiment:
     original = base.estimator.policies.landmark
-    model = original if original.name == name else registry.model_class("features", name)()
+    if original.name == name and not is_outdated(original):
+        model = original
+    else:
+        model = _made("features", name, experiment.estimator.policies.landmark)
     for mount in experiment.estimator.mounts.values():
         reason = registry.compatible(mount.sensor, model)
         if reason:
@@ -109,9 +143,9 @@ def _with_landmark(experiment: Experiment, base: Experiment, name: str) -> Exper
 def _with_motion(settings: RobotSettings, original: RobotSettings, name: str) -> RobotSettings:
     """Another motion model. Where the robot starts is said in the new model's components; those
     it did not have start as its `lift` says."""
-    if original.motion.name == name:
+    if original.motion.name == name and not is_outdated(original.motion):
         return original
-    motion = registry.model_class("motion", name)()
+    motion = _made("motion", name, settings.motion)
     xv, _ = start_state("start", settings)
     lifted = motion.lift(settings.motion.xp(xv).xp)
     labels = motion.state_labels
@@ -127,12 +161,16 @@ def _with_motion(settings: RobotSettings, original: RobotSettings, name: str) ->
 
 def _with_sensor(settings: MountSettings | Any, name: str) -> tuple[Any, str]:
     """Another sensor that sees the same; of a mount of the estimator or of the simulator."""
-    sensor, rms = fitted(settings.sensor, registry.model_class("sensors", name)())
+    made = _made("sensors", name, settings.sensor)
+    is_renewed = settings.sensor.name == name
+    sensor, rms = (made, 0.0) if is_renewed else fitted(settings.sensor, made)
     labels = sensor.calib_labels
     if isinstance(settings, MountSettings):
         kept = {s: x for s, x in settings.calib_sd.items() if s in labels}
         after = replace(settings, sensor=sensor, calib_sd=kept)
     else:
         after = replace(settings, sensor=sensor, calib={})
+    if is_renewed:
+        return after, ""
     unit = sensor.units[0]
     return after, f"calibration fitted so that it sees the same, to {rms:.2g} {unit} rms"

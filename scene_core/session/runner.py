@@ -1,26 +1,42 @@
 """The thread that owns a session: takes commands from a queue, keeps pace, publishes.
 
-Browser callbacks only `post`; readers only look at `latest`. There is no lock.
+Browser callbacks only `post`; readers only look at `latest`. There is no lock. A second thread
+looks whether the first is still inside a user's model after two seconds, says so, and takes another
+one in its place when asked to.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 import queue
 import sys
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 from time import monotonic
 from typing import Literal
 
 from threadpoolctl import threadpool_limits
 
 from scene_core.filter.ports import EndOfData, SourceError
+from scene_core.models import guard
+from scene_core.models.plugins import UserFile
 from scene_core.params import ParamError
 from scene_core.session import presets
-from scene_core.session.commands import Command, LoadPreset, Seek, Select, SetSpeed, Transport
+from scene_core.session.commands import (
+    Abandon,
+    Command,
+    LoadPreset,
+    ModelsSaved,
+    Refresh,
+    Seek,
+    Select,
+    SetSpeed,
+    Transport,
+)
 from scene_core.session.failures import explain
-from scene_core.session.published import Failure, Published, RoleOptions
+from scene_core.session.published import Busy, Failure, Published, RoleOptions
 from scene_core.session.roles import role_options
 from scene_core.session.session import Session
 
@@ -28,35 +44,50 @@ PUBLISH_HZ = 60.0
 LEAST_SPEED = 1e-3
 LATE_S = 0.25
 """A run that is later than this gives up catching up: the real-time factor says so."""
+PATIENCE_S = 2.0
+"""A call of a user's model that takes longer is named, and may be abandoned."""
+WATCH_S = 0.1
 
 
 class Runner:
     """Runs a session in a thread of its own. Use as a context manager or call start and stop."""
 
-    def __init__(self, session: Session, playing: bool = False) -> None:
-        self._session = session
+    def __init__(
+        self, session: Session, playing: bool = False, files: tuple[UserFile, ...] = ()
+    ) -> None:
+        self._session, self._files = session, files
         self._queue: queue.SimpleQueue[Command | None] = queue.SimpleQueue()
         self._mode: Literal["playing", "paused", "finished"] = "playing" if playing else "paused"
         self._speed = 1.0
         self._pace = Pace()
         self._failure: Failure | None = None
-        self._seq = 0
+        self._seq = itertools.count(1)
         self._published_at = -math.inf
         self._roles: tuple[object, tuple[RoleOptions, ...]] = (None, ())
         self.latest: Published = self._published()
         """The session as it stands; replaced as a whole, never changed."""
-        self._thread = threading.Thread(target=self._loop, name="ekf", daemon=True)
+        self._stopped, self._abandon = threading.Event(), threading.Event()
+        self._thread = self._new_thread()
+        self._watcher = threading.Thread(target=self._watch, name="watch", daemon=True)
+
+    def _new_thread(self) -> threading.Thread:
+        return threading.Thread(target=self._loop, name="ekf", daemon=True)
 
     def start(self) -> Runner:
         self._thread.start()
+        self._watcher.start()
         return self
 
     def post(self, command: Command) -> None:
         """Ask for something; from any thread, returns at once."""
-        self._queue.put(command)
+        if isinstance(command, Abandon):
+            self._abandon.set()
+        else:
+            self._queue.put(command)
 
     def stop(self, timeout: float = 5.0) -> None:
         """End the thread after the phase it is in."""
+        self._stopped.set()
         self._queue.put(None)
         if self._thread.is_alive():
             self._thread.join(timeout)
@@ -67,9 +98,52 @@ class Runner:
     def __exit__(self, *_: object) -> None:
         self.stop()
 
-    # The thread.
+    # The thread that watches.
+
+    def _watch(self) -> None:
+        while not self._stopped.wait(WATCH_S):
+            call = guard.under_way(self._thread.ident)
+            if call is None or call.seconds < PATIENCE_S:
+                self._abandon.clear()
+            elif self._abandon.is_set():
+                self._abandon.clear()
+                self._give_up(call)
+            else:
+                self._show_busy(call)
+
+    def _show_busy(self, call: guard.Call) -> None:
+        busy = Busy(call.model, call.method, int(call.seconds))
+        if self.latest.busy == busy:
+            return
+        self.latest = replace(self.latest, seq=next(self._seq), busy=busy)
+        if guard.under_way(self._thread.ident) is not call:
+            # It came back meanwhile, and what it published may just have been overwritten.
+            self.post(Refresh())
+
+    def _give_up(self, call: guard.Call) -> None:
+        """Go on in another thread; the old one ends when the call returns, its result unseen."""
+        seconds = call.seconds
+        if not call.claim():
+            return
+        self._session = self._session.without(call.cls)
+        self._set_playing(False)
+        self._failure = Failure(
+            f"'{call.model}'.{call.method} did not return in {seconds:.0f} s and was abandoned, "
+            f"the run is paused at the last good frame: {self._session.message}."
+        )
+        self._publish()
+        self._thread = self._new_thread()
+        self._thread.start()
+
+    # The thread that runs.
 
     def _loop(self) -> None:
+        try:
+            self._serve()
+        except guard.Abandoned:
+            return  # another thread has taken over
+
+    def _serve(self) -> None:
         # The default of 5 ms lets a busy server thread stall every hand-over of the interpreter.
         sys.setswitchinterval(1e-3)
         threadpool_limits(1)
@@ -101,7 +175,7 @@ class Runner:
                 self._publish()
 
     def _obey(self, command: Command) -> None:
-        if not isinstance(command, Select):
+        if not isinstance(command, (Select, Refresh, ModelsSaved)):
             self._failure = None
         match command:
             case Transport(action="play"):
@@ -122,10 +196,19 @@ class Runner:
                 if self._guarded(lambda: self._session.load(presets.build(name))):
                     self._mode = "paused" if self._mode == "finished" else self._mode
                     self._pace = Pace()
+            case ModelsSaved(files, said):
+                self._files, self._roles = files, (None, ())
+                self._guarded(lambda: self._renew(said))
+            case Refresh():
+                pass
             case _:
                 playing = self._mode == "playing"
                 self._guarded(lambda: self._session.apply(command, playing))
         self._publish()
+
+    def _renew(self, said: tuple[str, ...]) -> None:
+        if self._session.renew(said):
+            self._failure = None
 
     def _pause(self) -> None:
         """Stop at the end of the frame that is under way: what stays on the page is complete."""
@@ -165,7 +248,7 @@ class Runner:
                 self._session.message = str(e)
             else:
                 self._mode = "paused"
-                self._failure = failure(e, self._session.frame + 1)
+                self._failure = failure(e, self._session.frame + 1 if is_frame else None)
         self._publish()
         return False
 
@@ -179,7 +262,7 @@ class Runner:
         if self._roles[0] is not s.settings.experiment:
             self._roles = (s.settings.experiment, role_options(s.settings.experiment))
         return Published(
-            seq=self._seq,
+            seq=next(self._seq),
             run=s.run,
             experiment=s.experiment,
             pending=s.pending,
@@ -201,6 +284,7 @@ class Runner:
             selected=s.selected,
             can_undo=bool(s.settings.past),
             can_redo=bool(s.settings.future),
+            files=self._files,
         )
 
 
@@ -237,8 +321,10 @@ class Pace:
         return sum(dt for _, dt in self._done[1:]) / elapsed if elapsed > 0 else 0.0
 
 
-def failure(error: Exception, frame: int) -> Failure:
-    """What the page shows about a frame that could not be computed."""
+def failure(error: Exception, frame: int | None) -> Failure:
+    """What the page shows about a frame, or a command (None), that could not be carried out."""
     text, details = explain(error)
-    where = f"Frame {frame} was dropped, the run is paused at the last good one"
+    where = "Nothing was changed, the run is paused"
+    if frame is not None:
+        where = f"Frame {frame} was dropped, the run is paused at the last good one"
     return Failure(f"{where}: {text}.", details)

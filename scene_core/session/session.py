@@ -6,6 +6,7 @@ the commands only: pausing, stepping by phase, stepping back and redoing in betw
 
 from __future__ import annotations
 
+import copy
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -33,10 +34,17 @@ from scene_core.session.commands import (
     Undo,
 )
 from scene_core.session.config import Experiment
-from scene_core.session.edits import Edit, Settings, same_value, set_param, until_reset
+from scene_core.session.edits import (
+    Edit,
+    Settings,
+    same_value,
+    set_param,
+    until_reset,
+    uses,
+)
 from scene_core.session.history import History, Moment
 from scene_core.session.metrics import Metrics
-from scene_core.session.roles import swapped
+from scene_core.session.roles import outdated, swapped
 from scene_core.session.start import initial_world, resting
 from scene_core.session.swap import reconfigure
 
@@ -267,6 +275,39 @@ class Session:
             case _:
                 raise ParamError(f"{command} is for a runner, not for a session")
 
+    def renew(self, said: tuple[str, ...]) -> int:
+        """Swap every model in use whose file was saved in a version that can be used to this
+        version, from the next frame on; `said` is what became of the files. Returns how many."""
+        notes = list(said)
+        roles = outdated(self.settings.experiment)
+        for role, name in roles:
+            self._edit(SwapModel(role, name), playing=False)
+            kept = f": {self.message}" if self.message else ""
+            notes.append(f"'{name}' runs in its new version from the next frame on{kept}")
+        self.message = "; ".join(notes)
+        return len(roles)
+
+    def without(self, model: type[Any]) -> Session:
+        """This run at its last good frame, with the latest settings that did not use a model.
+
+        For another thread, when the one that owns this session is inside that model and was told
+        not to come back: nothing of this session may be used afterwards.
+        """
+        after = copy.copy(self)
+        after._open = None
+        settings = after.settings
+        while settings.past and uses(settings.experiment, model):
+            settings = settings.undone()
+        if uses(settings.experiment, model):
+            after.message = "no other model was there before: choose one, or save a corrected file"
+            return after
+        if settings is not after.settings:
+            frame = after._next
+            after._discard_future(frame - 1, computed=frame - 1)
+            after._edits.setdefault(frame, []).append(LoggedEdit(Undo(), settings))
+            after.message = "back to the model before it, from the next frame on"
+        return after
+
     def _edit(self, command: Edit, playing: bool) -> None:
         before = self.settings
         if isinstance(command, SetParam) and same_value(before.experiment, command):
@@ -336,7 +377,8 @@ class Session:
         record = self._initialised(self._trace, command)
         self.metrics.truncate(self.frame - 1)
         self._forget_events(self.frame - 1)
-        self._complete(replace(self._trace, records=(*self._trace.records, record)))
+        trace = replace(self._trace, records=(*self._trace.records, record))
+        self._complete(trace, replace(self._at, world=trace.world), self._source_ms)
         self.message = record.events[-1].text
 
     # Inside a frame.
@@ -396,10 +438,9 @@ class Session:
         for click in self._clicks.get(trace.frame.index, []):
             record = self._initialised(trace, click)
             trace = replace(trace, records=(*trace.records, record))
+        at = Moment(trace.frame.index, trace.world, now.state, now.settings)
+        self._complete(trace, at, now.source_ms)
         self._open = None
-        self._at = Moment(trace.frame.index, trace.world, now.state, now.settings)
-        self._source_ms = now.source_ms
-        self._complete(trace)
 
     def _initialised(self, trace: Trace, click: InitialiseAt) -> PhaseRecord:
         source = self.running.source
@@ -408,13 +449,13 @@ class Session:
         ms = 1e3 * (perf_counter() - t0)
         return PhaseRecord("manage", click.mount, world, ms, events=(event,))
 
-    def _complete(self, trace: Trace) -> None:
+    def _complete(self, trace: Trace, at: Moment, source_ms: float) -> None:
         """Enter a complete frame (or one that got a feature more) into the books."""
         index = trace.frame.index
-        self._trace = trace
-        self._at = replace(self._at, world=trace.world)
-        self._history.add(self._at, trace)
-        self.metrics.add(trace, self._source_ms)
+        # First what uses the models: if one of them raises, the books are as before the frame.
+        self.metrics.add(trace, source_ms)
+        self._trace, self._at, self._source_ms = trace, at, source_ms
+        self._history.add(at, trace)
         if index > self._events_until:
             self._events_until = index
             for record in trace.records:

@@ -76,7 +76,8 @@ def _object(hint: Any, value: Any, at: Place) -> Any:
         key, classes = found
         name = value.pop(key, None)
         if not isinstance(name, str) or name not in classes:
-            raise at.error(f"{key} = {name!r}: choose one of {', '.join(classes)}")
+            why = polymorphic.why_not(_hashable(hint), name)
+            raise at.error(f"{key} = {name!r}: choose one of {', '.join(classes)}{why}")
         hint = classes[name]
     hints = get_type_hints(hint)
     declared = [f for f in fields(hint) if f.init]
