@@ -68,6 +68,13 @@ def param(
     return field(default=default, metadata={"param": meta})
 
 
+def entries(*, unit: str = "", lo: float | None = None, hi: float | None = None) -> Any:
+    """Declare a field that maps labels to numbers of which each may be there or not: a path with
+    one more part sets one, and None takes it away."""
+    meta = dict(unit=unit, lo=lo, hi=hi, choices=None)
+    return field(default_factory=dict, metadata={"entries": meta})
+
+
 @cache
 def field_docs(cls: type) -> Mapping[str, str]:
     """Docstrings written under the fields of a dataclass, by field name."""
@@ -144,21 +151,46 @@ def changed(now: Any, before: Any, prefix: str = "") -> list[tuple[Spec, Spec | 
             there = was.get(name)
             if there is None or there.value != value:
                 out.append((mine[name], there))
+        elif _entries_of(now, name) is not None:
+            out.extend(_changed_entries(value, old.get(name) or {}, path))
         elif is_dataclass(value) or isinstance(value, Mapping):
             out.extend(changed(value, old.get(name), path))
     return out
 
 
+def _entries_of(obj: Any, name: str) -> Mapping[str, Any] | None:
+    """How the field `name` of `obj` was declared by `entries`; None where it was not."""
+    declared = fields(obj) if is_dataclass(obj) else ()
+    return next((f.metadata.get("entries") for f in declared if f.name == name), None)
+
+
+def _changed_entries(
+    now: Mapping[str, float], before: Mapping[str, float], path: str
+) -> Iterator[tuple[Spec, Spec | None]]:
+    what = path.rpartition(".")[2].replace("_", " ")
+    for name in {**before, **now}:
+        if before.get(name) != now.get(name):
+            mine, old = (
+                Spec(f"{path}.{name}", name, values.get(name), "", None, None, None, None,
+                     "next frame", "", f"{name}: {what}")
+                for values in (now, before)
+            )  # fmt: skip
+            yield mine, old
+
+
 def get(obj: Any, path: str) -> Any:
-    """The value at `path`; raises ParamError naming the part that does not exist."""
-    at = obj
+    """The value at `path`, None for an entry that is not there; raises ParamError naming the part
+    that does not exist."""
+    at, optional = obj, False
     for i, part in enumerate(path.split(".")):
         options = dict(_children(at))
         if part not in options:
+            if optional:
+                return None
             where = ".".join(path.split(".")[:i]) or "the settings"
             known = ", ".join(options) or "nothing"
             raise ParamError(f"no parameter '{part}' in {where}: it has {known}")
-        at = options[part]
+        at, optional = options[part], _entries_of(at, part) is not None
     return at
 
 
@@ -176,6 +208,13 @@ def replace(obj: Any, path: str, value: Any) -> Any:
     """A copy of `obj` with the parameter at `path` set to the validated `value`."""
     parent, _, name = path.rpartition(".")
     owner = get(obj, parent) if parent else obj
+    above, _, field_name = parent.rpartition(".")
+    optional = _entries_of(get(obj, above) if above else obj, field_name)
+    if optional is not None:
+        rest = {k: v for k, v in owner.items() if k != name}
+        if value is not None:
+            rest[name] = check_value(path, value, 0.0, optional)
+        return put(obj, parent, rest)
     get(owner, name)
     meta = next(
         (f.metadata.get("param") for f in fields(owner) if f.name == name)

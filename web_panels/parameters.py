@@ -37,7 +37,9 @@ def by_folder(specs: list[Spec]) -> dict[str, list[Spec]]:
 
 
 def written(value: Any, spec: Spec) -> str:
-    """A value as the page writes it, with its unit."""
+    """A value as the page writes it, with its unit; – for an entry that is not there."""
+    if value is None:
+        return "–"
     if isinstance(value, bool):
         return "on" if value else "off"
     if isinstance(value, (int, float)):

@@ -13,7 +13,7 @@ from typing import Any, Literal
 from scene_core.filter.policies import Policies
 from scene_core.filter.ports import Source
 from scene_core.models.base import InternalMeasurementModel, MotionModel, Sensor
-from scene_core.params import param
+from scene_core.params import entries, param
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class RobotSettings:
     start_sd: Mapping[str, float] = field(default_factory=dict)
     """Initial standard deviation by state label; orientation in 3-D as rx, ry, rz (rotation vector
     in the robot's frame, rad). Missing: known exactly."""
-    calib_sd: Mapping[str, float] = field(default_factory=dict)
+    calib_sd: Mapping[str, float] = entries(lo=0.0)
     """Calibration labels to estimate, with their initial standard deviation."""
 
 
@@ -39,9 +39,10 @@ class MountSettings:
     pose: tuple[float, ...]
     """x_RS in the space of the sensor: z; z, x, phi; or x, y, z, qw, qx, qy, qz. In m and rad."""
     hook: str = "base"
-    pose_sd: Mapping[str, float] = field(default_factory=dict)
+    pose_sd: Mapping[str, float] = entries(lo=0.0)
     """Not empty: the pose is estimated; labels as in RobotSettings.start_sd."""
-    calib_sd: Mapping[str, float] = field(default_factory=dict)
+    calib_sd: Mapping[str, float] = entries(lo=0.0)
+    """As in RobotSettings, of the sensor."""
 
 
 @dataclass(frozen=True)

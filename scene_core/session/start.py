@@ -140,7 +140,7 @@ def final_model(model: FeatureModel) -> FeatureModel:
 
 def _state_cov(at: str, labels: tuple[str, ...], x: Vec, sd: Mapping[str, float]) -> Mat:
     allowed = sd_labels(labels)
-    _check_sd(at, allowed, sd)
+    check_sd(at, allowed, sd)
     P = np.diag([float(sd.get(label, 0.0)) ** 2 for label in labels])
     for prefix, rows in quaternions(labels).items():
         G = _from_turn(x[rows])
@@ -165,11 +165,12 @@ def _from_turn(q: Vec) -> Mat:
 
 
 def _diagonal(at: str, labels: tuple[str, ...], sd: Mapping[str, float]) -> Mat:
-    _check_sd(at, labels, sd)
+    check_sd(at, labels, sd)
     return np.diag([float(sd.get(label, 0.0)) ** 2 for label in labels])
 
 
-def _check_sd(at: str, allowed: tuple[str, ...], sd: Mapping[str, float]) -> None:
+def check_sd(at: str, allowed: tuple[str, ...], sd: Mapping[str, float]) -> None:
+    """Raise ParamError unless all labels are allowed and all standard deviations make sense."""
     for label, value in sd.items():
         if label not in allowed:
             known = ", ".join(allowed) or "nothing"

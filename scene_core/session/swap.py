@@ -19,6 +19,7 @@ from scene_core.filter.world import Gaussian, Instrument, Robot, World
 from scene_core.models.base import FeatureModel, MotionModel, completed
 from scene_core.params import ParamError
 from scene_core.session.config import EstimatorSettings
+from scene_core.session.estimated import with_estimated
 from scene_core.session.start import resting
 
 WORDS: Mapping[str, str] = {"vx vy vz": "velocity", "wx wy wz": "turn rate", "phi": "heading"}
@@ -48,6 +49,8 @@ def reconfigure(world: World, old: EstimatorSettings, new: EstimatorSettings) ->
         if settings.sensor is not old.mounts[mount].sensor:
             world, said = with_sensor(world, mount, old, new)
             notes += said
+    world, said = with_estimated(world, old, new)
+    notes += said
     if new.policies is not old.policies:
         world, said = with_policies(world, new)
         notes += said
