@@ -258,7 +258,6 @@ class Runner:
 
     def _published(self) -> Published:
         s = self._session
-        self._seq += 1
         if self._roles[0] is not s.settings.experiment:
             self._roles = (s.settings.experiment, role_options(s.settings.experiment))
         return Published(
