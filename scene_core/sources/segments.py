@@ -22,8 +22,8 @@ from scene_core.sources.worlds import SimulatedWorld, in_axes, lines
 
 SAMPLES = 33
 """Places along a segment."""
-HALVINGS = 24
-"""Of a step between two of them: the ends of the visible part are right to a part in 5e8."""
+HALVINGS = 16
+"""Of a step between two of them: the ends of the visible part are right to a part in 2e6."""
 
 
 class VisibleParts(NamedTuple):
@@ -73,7 +73,7 @@ class LineOutlook:
             inside, beyond = np.where(seen, middle, inside), np.where(seen, beyond, middle)
         # The very end of a segment is a place between no two.
         inside = np.where(self._visible(rows[:, None], beyond), beyond, inside)
-        X_S = self.sensor.space.to_local(self.pose, self._at(rows[:, None], inside)).X
+        X_S = self._at(rows[:, None], inside)
         h = self.sensor.project(X_S, self.calib).h.reshape(-1, 4)
         long = lengths(h) >= self.shortest
         return VisibleParts(rows[long], X_S[long], h[long])
@@ -106,23 +106,25 @@ class LineOutlook:
 
     @cached_property
     def _ends(self) -> Mat:
-        """(M, 2, 3) in the axes of the simulation."""
-        return in_axes(self.world, lines(self.world).ends, self.up)
+        """Homogeneous points (M, 2, 4) in the frame of the sensor, where w is 1 as in the world."""
+        ends = in_axes(self.world, lines(self.world).ends, self.up)
+        X_W = np.concatenate([ends, np.ones((*ends.shape[:-1], 1))], axis=-1)
+        return self.sensor.space.to_local(self.pose, X_W).X
 
     def _at(self, rows: np.ndarray, t: Vec) -> Vec:
-        """Homogeneous points (..., 4) of the world at the fractions t of segments."""
+        """Homogeneous points (..., 4) in the frame of the sensor at the fractions t of segments."""
         first, last = self._ends[rows, 0], self._ends[rows, 1]
-        at = first + t[..., None] * (last - first)
-        return np.concatenate([at, np.ones((*t.shape, 1))], axis=-1)
+        return first + t[..., None] * (last - first)
 
     def _visible(self, rows: np.ndarray, t: Vec) -> np.ndarray:
-        """Whether places can be measured (...,); first views do not matter: the truth has none."""
-        X_W = self._at(rows, t).reshape(-1, 4)
-        X_S = self.sensor.space.to_local(self.pose, X_W).X
-        here = np.broadcast_to(self.pose, (len(X_S), len(self.pose)))
+        """Whether places can be measured (...,), from here as if for the first time: the truth has
+        no other view."""
+        X = self._at(rows, t).reshape(-1, 4)
+        here = self.sensor.space.identity()
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            h = self.sensor.project(X_S, self.calib).h
-            fault = self.sensor.visibility(h, X_S, self.pose, here, X_W)
+            h = self.sensor.project(X, self.calib).h
+            first = np.broadcast_to(here, (len(X), len(here)))
+            fault = self.sensor.visibility(h, X, here, first, X)
         low, high = np.array(self.sensor.limits).T
         inside = ((h >= low) & (h <= high)).all(axis=-1)
         return ((fault == int(Fault.NONE)) & inside).reshape(t.shape)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from scene_core import params
 from scene_core.filter.ports import SourceError
 from scene_core.models.motion.impulse import Impulse
 from scene_core.models.motion.nomad import PlanarNomad
@@ -49,6 +50,53 @@ def test_waypoints_are_visited_in_order_for_ever() -> None:
     order = [a for a, b in zip(visits, [*visits[1:], -1], strict=True) if a != b]
     assert len(order) >= 6
     assert order == [k % 3 for k in range(len(order))]
+
+
+def test_waypoints_may_be_moved_on_the_way() -> None:
+    """The list is a setting: a shorter one is gone on with, an empty one stops the robot."""
+    robot = TrueRobot(PlanarNomad(), Waypoints(((2.0, 0.0), (2.0, 2.0))), noise_on="controls")
+    simulation = Simulation(Field(), {"r": robot}, {}, dt=0.2)
+    state = simulation.start()
+    for k in range(100):
+        _, state = simulation.advance(state, k)
+    other = params.replace(simulation, "robots.r.driver.points", [[-1.0, 1.0]])
+    for k in range(100, 200):
+        _, state = other.advance(state, k)
+    assert np.linalg.norm(state.xv["r"][:2] - [-1.0, 1.0]) < 0.3
+    none = params.replace(simulation, "robots.r.driver.points", [])
+    _, after = none.advance(state, 200)
+    np.testing.assert_array_equal(after.xv["r"], state.xv["r"])
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        ([[1.0, 2.0], [1.0]], "row 2 has 1 numbers and row 1 has 2"),
+        ([[1.0, float("nan")]], "row 1 = nan: give a finite number"),
+        ([[1.0, 2e6]], r"row 1 = 2e.06 m is outside \[-100000, 100000\] m"),
+        ([1.0, 2.0], "row 1 is 1.0: give a list of numbers"),
+        ([[]], "row 1 is ..: give a list of numbers"),
+        ("1, two", "give at most 1000 rows of numbers"),
+        ([[0.0, 0.0]] * 1001, "give at most 1000 rows of numbers"),
+    ],
+)
+def test_a_list_of_waypoints_that_makes_no_sense_is_refused(value: object, words: str) -> None:
+    with pytest.raises(params.ParamError, match=words):
+        params.replace(Waypoints(((1.0, 2.0),)), "points", value)
+
+
+def test_waypoints_are_typed_as_they_are_written() -> None:
+    points = ((1.5, -2.0), (0.0, 3.25))
+    assert params.rows_text(points) == "1.5, -2; 0, 3.25"
+    assert params.rows_typed("1.5, -2; 0, 3.25") == [list(p) for p in points]
+    assert params.rows_typed("") == [] and params.rows_typed("1, x") == "1, x"
+
+
+@pytest.mark.parametrize("memory", [None, 1.0, 0, 7, "elsewhere"])
+def test_a_driver_takes_the_wheel_from_any_other(memory: object) -> None:
+    nomad, cart = PlanarNomad(), Velocity1D()
+    assert Waypoints(((1.0, 0.0), (2.0, 0.0))).drive(nomad, np.zeros(4), memory, 1, 0.1, 0).u[0] > 0
+    assert Shuttle().drive(cart, np.zeros(1), memory, 1, 0.1, 0).u[0] == 0.5
 
 
 @pytest.mark.parametrize("sd", [(1.0, 2.0), (3.0, 6.0)])

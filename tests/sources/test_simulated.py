@@ -205,6 +205,44 @@ def test_a_sensor_fires_in_every_nth_frame() -> None:
     assert fired == [True, False, False, True, False, False, True]
 
 
+def test_two_robots_with_sensors_at_their_own_rates_do_not_disturb_each_other() -> None:
+    """Each mount fires in its own frames; what a robot does and its sensor sees does not depend on
+    the other one."""
+    robots = {
+        name: TrueRobot(Odometry3D(), CIRCLE, {"y": y}, {"x": 0.1, "rz": 0.02})
+        for name, y in (("a", -5.0), ("b", -4.0))
+    }
+    mounts = {
+        "every third": TrueMount(CAMERA, "a", POSE, every=3),
+        "later": TrueMount(CAMERA, "b", POSE, every=2, offset=3),
+        "always": TrueMount(CAMERA, "b", POSE),
+    }
+    both = Simulation(ThickCloister(), robots, mounts, seed=2)
+    alone = replace(both, robots={"b": robots["b"]}, mounts={"always": mounts["always"]})
+    state, single, fired = both.start(), alone.start(), []
+    assert state.xv["a"][0] != state.xv["b"][0]
+    for k in range(8):
+        frame, state = both.advance(state, k)
+        only, single = alone.advance(single, k)
+        fired.append(tuple(frame.raw))
+        assert set(frame.controls) == ({"a", "b"} if k else set())
+        np.testing.assert_array_equal(state.xv["b"], single.xv["b"])
+        one, other = frame.raw["always"], only.raw["always"]
+        assert isinstance(one, Points) and isinstance(other, Points)
+        np.testing.assert_array_equal(one.z, other.z)
+    assert [k for k, names in enumerate(fired) if "every third" in names] == [0, 3, 6]
+    assert [k for k, names in enumerate(fired) if "later" in names] == [3, 5, 7]
+
+
+def test_start_errors_differ_between_robots_and_seeds() -> None:
+    robots = {i: TrueRobot(Odometry3D(), CIRCLE, start_sd={"x": 0.5, "rz": 0.3}) for i in "ab"}
+    simulation = Simulation(ThickCloister(), robots, {})
+    x = np.array([[replace(simulation, seed=s).start().xv[i] for i in "ab"] for s in range(200)])
+    np.testing.assert_allclose(x[..., 0].std(0), 0.5, rtol=0.15)
+    assert abs(np.corrcoef(x[:, 0, 0], x[:, 1, 0])[0, 1]) < 0.25
+    np.testing.assert_allclose(2.0 * x[..., 6].std(0), 0.3, rtol=0.15)
+
+
 def test_truth_names_every_component() -> None:
     frame, _ = nomad().advance(nomad().start(), 0)
     assert frame.truth is not None
@@ -248,6 +286,10 @@ def test_instruments_feel_the_true_motion() -> None:
         ({"rendering": Rendering()}, "no surfaces to render"),
         ({"mounts": {"c": TrueMount(CAMERA, "nobody", POSE)}}, "no true robot 'nobody'"),
         ({"mounts": {"c": TrueMount(CAMERA, "r", (0.0, 0.0))}}, "give 7 numbers"),
+        (
+            {"robots": {"r": TrueRobot(Odometry3D(), Waypoints(((1.0, 2.0, 0.0), (1.0, 2.0))))}},
+            r"waypoint 2 is \[1.0, 2.0\]: a robot in 3-D needs 3 numbers, \(x, y, z\) in m",
+        ),
         (
             {"robots": {"r": TrueRobot(Odometry3D(), CIRCLE, calib={"k": 1.0})}},
             "no calibration 'k'",
