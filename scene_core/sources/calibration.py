@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from scene_core.filter.ports import SourceError
-from scene_core.models.camera import Camera
+from scene_core.models.camera import CentralCamera
 
 LEFT_UP = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 """x_RS of a camera on a robot with x left, y up, z forward: turned by pi about z."""
@@ -36,7 +36,7 @@ class KnownPatch:
 class Calibration:
     """What a calibration file says; what it does not say is at its default."""
 
-    sensor: Camera
+    sensor: CentralCamera
     frame_rate: float | None = None
     """Hz."""
     pose: tuple[float, ...] = LEFT_UP

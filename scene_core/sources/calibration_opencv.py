@@ -9,6 +9,9 @@ import cv2
 import numpy as np
 
 from scene_core.filter.ports import SourceError
+from scene_core.models.camera import Camera
+from scene_core.models.sensors.fisheye import Fisheye
+from scene_core.models.sensors.opencv import OpenCV
 from scene_core.models.sensors.pinhole import Pinhole
 from scene_core.params import ParamError, replace
 from scene_core.sources.calibration import Calibration
@@ -18,13 +21,20 @@ DISTORTION = ("distortion_coefficients", "Distortion_Coefficients", "distCoeffs"
 WIDTH = ("image_width", "image_Width", "width")
 HEIGHT = ("image_height", "image_Height", "height")
 RATE = ("fps", "frame_rate")
+MODEL = ("distortion_model", "camera_model", "model")
+"""What kind of lens the coefficients are of, in words."""
+FISHEYE_FLAG = ("fisheye_model",)
+"""The same as OpenCV's calibration example writes it."""
+PLANAR = ("plumb_bob", "pinhole", "radtan", "brown", "brown_conrady", "opencv")
+FISHEYE = ("fisheye", "equidistant", "equi", "kannala_brandt", "kannala_brandt4")
 
 
 def read_opencv(path: Path, images: Path | None) -> Calibration:
-    """The camera of an OpenCV calibration file: a pinhole with d2, d4, d6 = k1, k2, k3.
+    """The camera of an OpenCV calibration file: "opencv" with k1, k2, p1, p2, k3, "fisheye" with
+    k1 to k4 where the file says so, and an ideal pinhole where there is no distortion.
 
-    The principal point and focal lengths are those of the camera matrix. Tangential (p1, p2),
-    rational and thin prism coefficients must be zero.
+    The principal point and focal lengths are those of the camera matrix. Rational and thin prism
+    coefficients must be zero.
     """
     storage = _opened(path)
     K = _matrix(storage, MATRIX, path)
@@ -32,7 +42,7 @@ def read_opencv(path: Path, images: Path | None) -> Calibration:
         raise SourceError(f"{path}: the camera matrix is {K.shape[0]} x {K.shape[1]}, expected 3x3")
     if K[0, 1] != 0.0:
         raise SourceError(f"{path}: the camera matrix has a skew of {K[0, 1]:g}, expected 0")
-    camera = Pinhole()
+    camera, coefficients = _lens(storage, path)
     values = {
         "width": _number(storage, WIDTH, path),
         "height": _number(storage, HEIGHT, path),
@@ -40,16 +50,16 @@ def read_opencv(path: Path, images: Path | None) -> Calibration:
         "f_v": K[1, 1],
         "u0": K[0, 2],
         "v0": K[1, 2],
+        **coefficients,
     }
     try:
         for name, value in values.items():
             camera = replace(camera, name, float(value))
     except ParamError as e:
         raise SourceError(f"{path}: {e}") from e
-    d = _radial(_matrix(storage, DISTORTION, path, required=False).ravel(), path)
     rate = _number(storage, RATE, path, required=False)
     return Calibration(
-        sensor=type(camera)(**{**vars(camera), "distortion": d}),
+        sensor=camera,
         frame_rate=rate if math.isfinite(rate) else None,
     )
 
@@ -108,16 +118,32 @@ def _number(
     return float(node.real())
 
 
-def _radial(d: np.ndarray, path: Path) -> tuple[float, ...]:
-    """d2, d4, d6 from k1, k2, p1, p2, k3, ...; trailing zeros dropped."""
-    refused = {"p1": 2, "p2": 3} | {f"coefficient {i + 1}": i for i in range(5, len(d))}
-    for name, i in refused.items():
-        if i < len(d) and d[i] != 0.0:
+def _lens(storage: cv2.FileStorage, path: Path) -> tuple[Camera, dict[str, float]]:
+    """A camera of the file's kind, and its coefficients by name."""
+    d = _matrix(storage, DISTORTION, path, required=False).ravel()
+    fisheye = _is_fisheye(storage, path)
+    names = ("k1", "k2", "k3", "k4") if fisheye else ("k1", "k2", "p1", "p2", "k3")
+    for i in range(len(names), len(d)):
+        if d[i] != 0.0:
             raise SourceError(
-                f"{path}: the distortion has {name} = {d[i]:g}, but only radial distortion is "
-                "supported (k1, k2, k3): calibrate with CALIB_ZERO_TANGENT_DIST"
+                f"{path}: distortion coefficient {i + 1} is {d[i]:g}, but only {', '.join(names)} "
+                "are supported: calibrate without the rational and the thin prism model"
             )
-    radial = [float(d[i]) for i in (0, 1, 4) if i < len(d)]
-    while radial and radial[-1] == 0.0:
-        radial.pop()
-    return tuple(radial)
+    if fisheye:
+        return Fisheye(), dict(zip(names, [*d, 0.0, 0.0, 0.0, 0.0], strict=False))
+    if not d.any():
+        return Pinhole(), {}
+    return OpenCV(), dict(zip(names, [*d, 0.0, 0.0, 0.0, 0.0, 0.0], strict=False))
+
+
+def _is_fisheye(storage: cv2.FileStorage, path: Path) -> bool:
+    flag = _number(storage, FISHEYE_FLAG, path, required=False)
+    node = _node(storage, MODEL)
+    if node is None or not node.isString():
+        return math.isfinite(flag) and flag != 0.0
+    word = node.string().strip().lower().replace(" ", "_").replace("-", "_")
+    if word not in PLANAR + FISHEYE:
+        raise SourceError(
+            f"{path}: {node.name()} = '{node.string()}': known are {', '.join(PLANAR + FISHEYE)}"
+        )
+    return word in FISHEYE

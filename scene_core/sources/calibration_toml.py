@@ -1,7 +1,8 @@
 """The project's own description of a recording: camera, start, known features, estimator.
 
-[camera]                  model = "wide-angle" | "pinhole" | "Civera", frame_rate_hz, and the
-                          model's parameters by name: width, height, u0, v0, f_u, f_v, ...
+[camera]                  model = "wide-angle" | "pinhole" | "Civera" | "opencv" | "fisheye" |
+                          "omnidirectional", frame_rate_hz, and the model's parameters by name:
+                          width, height, u0, v0, f_u, f_v, ...
 [mount]                   axes = "x left, y up, z forward": axes of the robot that carries the
                           camera; or those of the camera itself: "x right, y down, z forward"
 [world]                   up = "y" or "z"
@@ -22,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from scene_core.filter.ports import SourceError
-from scene_core.models.camera import Camera
+from scene_core.models.camera import CentralCamera
 from scene_core.models.registry import models
 from scene_core.params import ParamError, replace
 from scene_core.sources.calibration import AXES, Calibration, KnownPatch, find_patch
@@ -39,6 +40,8 @@ START_SD = {
     "velocity_m_per_s": ("vx", "vy", "vz"),
     "angular_velocity_rad_per_s": ("wx", "wy", "wz"),
 }
+NEEDED = ("width", "height", "f_u", "f_v", "u0", "v0", "polynomial")
+"""Of a camera, those it has: there is no default that a recording could be made with."""
 TABLES = ("about", "camera", "mount", "world", "start", "start_sd", "known_feature", "estimator")
 
 
@@ -75,16 +78,16 @@ def read_toml(path: Path, images: Path | None) -> Calibration:
     )
 
 
-def _camera(path: Path, table: dict[str, Any]) -> Camera:
+def _camera(path: Path, table: dict[str, Any]) -> CentralCamera:
     model = table.pop("model", None)
     # Of images alone: a camera that measures more than pixels finds nothing else in them.
     found = models("sensors").items()
-    cameras = {n: c for n, c in found if issubclass(c, Camera) and c.labels == ("u", "v")}
+    cameras = {n: c for n, c in found if issubclass(c, CentralCamera) and c.labels == ("u", "v")}
     if not isinstance(model, str) or model not in cameras:
         raise SourceError(f"{path}, [camera] model = {model!r}: choose one of {', '.join(cameras)}")
     camera = cameras[model]()
-    for name in ("width", "height", "f_u", "f_v", "u0", "v0"):
-        if name not in table:
+    for name in NEEDED:
+        if hasattr(camera, name) and name not in table:
             raise SourceError(f"{path}, [camera] has no {name}")
     try:
         for name, value in table.items():
@@ -94,7 +97,7 @@ def _camera(path: Path, table: dict[str, Any]) -> Camera:
     return camera
 
 
-def _with(camera: Camera, name: str, value: Any) -> Camera:
+def _with(camera: CentralCamera, name: str, value: Any) -> CentralCamera:
     """A copy with one parameter replaced; the number of distortion coefficients is free."""
     if isinstance(value, list) and isinstance(getattr(camera, name, None), tuple):
         longer = {**vars(camera), name: (0.0,) * len(value)}

@@ -96,23 +96,47 @@ def load(tmp_path: Path, name: str, text: str) -> Calibration:
     return load_calibration(write(tmp_path, name, text))
 
 
-def test_opencv_is_the_pinhole_it_calibrated(tmp_path: Path) -> None:
-    c = load(tmp_path, "camera.yml", OPENCV)
+X = np.array([[0.3, -0.2, 1.0], [-0.5, 0.4, 1.6], [0.1, 0.2, 0.9]])
+K = np.array([[500.0, 0, 320], [0, 510, 240], [0, 0, 1]])
+
+
+@pytest.mark.parametrize("d", ["-0.3, 0.1, 0., 0., 0.02", "-0.3, 0.1, 2e-3, -1e-3, 0.02"])
+def test_opencv_is_the_camera_it_calibrated(tmp_path: Path, d: str) -> None:
+    c = load(tmp_path, "camera.yml", OPENCV.replace("-0.3, 0.1, 0., 0., 0.02", d))
     assert c.frame_rate == 25.0 and c.sensor.image_size == (640, 480)
-    K = np.array([[500.0, 0, 320], [0, 510, 240], [0, 0, 1]])
-    X = np.array([[0.3, -0.2, 1.0], [-0.5, 0.4, 1.6], [0.1, 0.2, 0.9]])
-    expected, _ = cv2.projectPoints(
-        X, np.zeros(3), np.zeros(3), K, np.array([-0.3, 0.1, 0, 0, 0.02])
-    )
+    assert c.sensor.name == "opencv"
+    coefficients = np.array([float(x) for x in d.split(",")])
+    expected, _ = cv2.projectPoints(X, np.zeros(3), np.zeros(3), K, coefficients)
     h = c.sensor.project(np.column_stack([X, np.ones(3)]), c.sensor.calib0).h
     assert np.allclose(h, expected[:, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "word", ['distortion_model: "fisheye"', "distortion_model: equidistant", "fisheye_model: 1"]
+)
+def test_a_fisheye_says_that_it_is_one(tmp_path: Path, word: str) -> None:
+    text = OPENCV.replace("fps: 25.", word).replace("cols: 5", "cols: 4")
+    d = "-0.02, 0.004, -0.002, 0.0002"
+    c = load(tmp_path, "camera.yml", text.replace("-0.3, 0.1, 0., 0., 0.02", d))
+    assert c.sensor.name == "fisheye"
+    coefficients = np.array([float(x) for x in d.split(",")])
+    expected, _ = cv2.fisheye.projectPoints(X[:, None], np.zeros(3), np.zeros(3), K, coefficients)
+    h = c.sensor.project(np.column_stack([X, np.ones(3)]), c.sensor.calib0).h
+    assert np.allclose(h, expected[:, 0], atol=1e-9)
+
+
+def test_four_coefficients_without_a_word_are_radial_and_tangential(tmp_path: Path) -> None:
+    text = OPENCV.replace("fps: 25.", 'distortion_model: "plumb_bob"').replace("cols: 5", "cols: 4")
+    c = load(tmp_path, "camera.yml", text.replace("0., 0., 0.02", "0.001, 0.002"))
+    assert c.sensor.name == "opencv"
+    assert np.array_equal(c.sensor.calib0[4:], [-0.3, 0.1, 0.001, 0.002, 0.0])
 
 
 def test_opencv_without_distortion_or_rate(tmp_path: Path) -> None:
     text = OPENCV[: OPENCV.index("distortion")].replace("fps: 25.\n", "")
     c = load(tmp_path, "camera.yaml", text)
     assert c.frame_rate is None
-    assert len(c.sensor.calib0) == 4
+    assert c.sensor.name == "pinhole" and len(c.sensor.calib0) == 4
 
 
 def test_scenelib_is_read_as_it_is_meant(tmp_path: Path) -> None:
@@ -172,8 +196,26 @@ def test_any_number_of_distortion_coefficients(tmp_path: Path) -> None:
     assert np.array_equal(load(tmp_path, "a.toml", text).sensor.calib0[4:], [-0.1, 0.2])
 
 
+@pytest.mark.parametrize("name", ["opencv", "fisheye", "omnidirectional"])
+def test_our_own_format_knows_every_lens(tmp_path: Path, name: str) -> None:
+    lens = {
+        "opencv": "k1 = -0.1\nk2 = 0.02\np1 = 0.001\np2 = 0.002\nk3 = 0.0",
+        "fisheye": "k1 = -0.1\nk2 = 0.02\nk3 = 0.001\nk4 = 0.002\ntheta_max = 1.7",
+        "omnidirectional": "polynomial = [150.0, -95.0, -1.0, 0.5, 0.1]\naffine_e = 0.01",
+    }[name]
+    text = TOML.replace('"wide-angle"', f'"{name}"').replace("kd1 = 9e-6", lens)
+    if name == "omnidirectional":
+        text = text.replace("f_u = 195.0\nf_v = 195.0\n", "")
+    sensor = load(tmp_path, "a.toml", text).sensor
+    assert sensor.name == name and sensor.image_size == (320, 240)
+    stated = [float(x) for x in lens.split("\n")[0].split("=")[1].strip(" []").split(",")]
+    assert np.isin(stated, sensor.calib0).all()
+
+
 MISTAKES = [
-    ("a.yaml", OPENCV, "0., 0., 0.02", "0.001, 0., 0.02", ["p1", "0.001", "radial"]),
+    ("a.yaml", OPENCV.replace("cols: 5", "cols: 6"), "0.02 ]", "0.02, 0.3 ]", ["6", "0.3", "k3"]),
+    ("a.yaml", OPENCV, "fps: 25.", "distortion_model: ftheta", ["ftheta", "known", "equidistant"]),
+    ("a.yaml", OPENCV, "fps: 25.", "fisheye_model: 1", ["coefficient 5", "0.02", "k4"]),
     ("a.yaml", OPENCV, "camera_matrix", "kamera", ["camera_matrix"]),
     ("a.yaml", OPENCV, "image_width: 640", "image_width: -640", ["width", "-640", "[8"]),
     ("a.yaml", OPENCV, "image_width: 640", "image_width: wide", ["image_width", "number"]),
@@ -190,10 +232,12 @@ MISTAKES = [
     ("a.cfg", CFG, "known_patch0", "unknown", ["line 25", "no patch"]),
     ("a.toml", TOML, "[camera]", "[camera", ["TOML"]),
     ("a.toml", TOML, "[camera]", "[kamera]", ["kamera", "known are"]),
-    ("a.toml", TOML, '"wide-angle"', '"fisheye"', ["fisheye", "choose one of", "wide-angle"]),
+    ("a.toml", TOML, '"wide-angle"', '"fishy"', ["fishy", "choose one of", "wide-angle"]),
     ("a.toml", TOML, "f_u = 195.0", "f_u = -1.0", ["f_u", "-1", "[1,"]),
     ("a.toml", TOML, "f_u = 195.0", "focal = 195.0", ["[camera]"]),
     ("a.toml", TOML, "f_u = 195.0\n", "", ["f_u"]),
+    ("a.toml", TOML, '"wide-angle"', '"depth camera"', ["depth camera", "choose one of"]),
+    ("a.toml", TOML, '"wide-angle"', '"omnidirectional"', ["no polynomial"]),
     ("a.toml", TOML, "kd1 = 9e-6", "kd1 = nan", ["kd1", "finite"]),
     ("a.toml", TOML, "kd1 = 9e-6", "kd1 = 9e-6\nkd7 = 1", ["kd7"]),
     ("a.toml", TOML, "frame_rate_hz = 25.0", "frame_rate_hz = 0", ["frame_rate_hz", "[0.1, 1000]"]),
