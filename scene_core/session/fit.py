@@ -39,7 +39,9 @@ def fitted(old: Sensor, new: Sensor) -> tuple[Sensor, float]:
     z = _grid(old)
     n = np.zeros((len(z), len(old.unmeasured)))
     X = old.backproject(z, n, old.calib0).X
-    start = _start(old, new)
+    # Outside the circle that a wide lens shows no ray belongs to a pixel.
+    shown = np.abs(old.project(X, old.calib0).h - z).max(axis=1) < 1e-3
+    z, X = z[shown], X[shown]
 
     def residual(k: Vec) -> Vec:
         return (new.project(X, k).h - z).ravel()
@@ -49,8 +51,11 @@ def fitted(old: Sensor, new: Sensor) -> tuple[Sensor, float]:
         assert J is not None
         return J.reshape(-1, len(k))
 
-    # scipy's own annotation of `jac` lacks the callable it documents.
-    fit = least_squares(residual, start, jacobian, x_scale="jac")  # pyright: ignore
+    def solution(start: Vec) -> Any:
+        # scipy's own annotation of `jac` lacks the callable it documents.
+        return least_squares(residual, start, jacobian, x_scale="jac")  # pyright: ignore
+
+    fit = min((solution(start) for start in _starts(old, new)), key=lambda s: s.cost)
     rms = float(np.sqrt(np.mean(residual(fit.x).reshape(z.shape) ** 2)))
     if not (np.isfinite(rms) and rms < BAD_FIT * (old.limits[0][1] - old.limits[0][0])):
         raise ParamError(
@@ -76,7 +81,10 @@ def _grid(sensor: Sensor) -> Vec:
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
 
 
-def _start(old: Sensor, new: Sensor) -> Vec:
-    """Components of equal label from `old`, the others zero: no distortion."""
+def _starts(old: Sensor, new: Sensor) -> list[Vec]:
+    """Components of equal label from `old`; the others zero, which is no distortion where k are
+    coefficients of it, or what `new` has, for a lens that is nothing but its coefficients."""
     known = dict(zip(old.calib_labels, old.calib0, strict=True))
-    return np.array([known.get(label, 0.0) for label in new.calib_labels])
+    own = zip(new.calib_labels, new.calib0, strict=True)
+    both = np.array([(known.get(label, 0.0), known.get(label, k)) for label, k in own])
+    return [both[:, 0]] if np.array_equal(*both.T) else list(both.T)
