@@ -7,33 +7,95 @@ A match z of a feature predicted at h with innovation covariance S is accepted w
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
 from scene_core.arrays import Mat, Vec
+from scene_core.filter.groups import groups
+from scene_core.filter.observe import innovation_covariance, observe, residual, sensor_state
+from scene_core.filter.particles import nearest
 from scene_core.filter.ports import Match, Query
 from scene_core.filter.records import Association, Predictions
 from scene_core.filter.world import Label, Mount, World
 from scene_core.geometry.ellipses import chi2_gate
 
 
-def query(
-    world: World, mount: str, predictions: Sequence[Predictions], labels: Sequence[Label], warp: Mat
-) -> Query:
-    """The search request for the selected features, in the order of their selection."""
+def queries(
+    world: World, mount: str, predictions: Sequence[Predictions], labels: Sequence[Label]
+) -> list[Query]:
+    """The search requests for the selected features, in the order of their selection; points and
+    segments are asked for apart. Segments are told by their identities."""
     where = {label: (p, i) for p in predictions for label, i in p.row.items()}
-    found = [where[label] for label in labels]
-    m = world.mounts[mount].sensor.measurement_size
+    how = world.policies.association.kind
+    out = []
+    points = [label for label in labels if where[label][0].shape == "point"]
+    if points:
+        h = np.array([where[label][0].h[where[label][1]] for label in points])
+        S = np.array([where[label][0].S[where[label][1]] for label in points])
+        out.append(_query(world, mount, points, h, S, how))
+    lines = [label for label in labels if where[label][0].shape == "segment"]
+    if lines:
+        ends = [(where[label][0].ends, where[label][1]) for label in lines]
+        h = np.array([each[i] for each, i in ends if each is not None])
+        S = np.broadcast_to(np.eye(h.shape[1]), (len(lines), h.shape[1], h.shape[1]))
+        request = _query(world, mount, lines, h, S, "identity")
+        out.append(replace(request, shape="segment"))
+    return out
+
+
+def _query(
+    world: World,
+    mount: str,
+    labels: Sequence[Label],
+    h: Vec,
+    S: Mat,
+    how: Literal["identity", "search"],
+) -> Query:
+    m = h.shape[1]
     return Query(
         mount=mount,
         labels=tuple(labels),
-        h=np.array([p.h[i] for p, i in found]).reshape(-1, m),
-        S=np.array([p.E[i] + p.R[i] for p, i in found]).reshape(-1, m, m),
+        h=h,
+        S=S,
         gate=world.policies.association.search_sigma**2,
         appearance=tuple(world.features[label].appearance for label in labels),
-        warp=warp,
-        how=world.policies.association.kind,
+        warp=np.broadcast_to(np.eye(m), (len(labels), m, m)),
+        how=how,
     )
+
+
+def judged(
+    world: World, mount_id: str, predictions: Sequence[Predictions], matches: Sequence[Match]
+) -> tuple[Association, ...]:
+    """The verdict on every match, by its own gate."""
+    where = {label: (p, i) for p in predictions for label, i in p.row.items()}
+    mount, confidence = world.mounts[mount_id], world.policies.gate.confidence
+    out = []
+    for match in matches:
+        p, i = where[match.label]
+        S = p.S[i] if match.R is None or p.shape == "segment" else p.E[i] + match.R
+        if match.z is None:
+            verdict = unmatched(mount, match, p.h[i], S)
+        elif p.shape == "segment":
+            nu, S = line_innovation(world, mount_id, match)
+            verdict = judge(mount, match, p.h[i], nu, S, confidence)
+        else:
+            nu = mount.sensor.nu(p.h[i], match.z).nu
+            d2 = None if p.particles is None else nearest(world, mount_id, match)
+            verdict = judge(mount, match, p.h[i], nu, S, confidence, d2)
+        out.append(verdict)
+    return tuple(out)
+
+
+def line_innovation(world: World, mount: str, match: Match) -> tuple[Vec, Mat]:
+    """nu (2,) and S (2, 2) of a measured segment against its line."""
+    at = sensor_state(world, mount)
+    seen = observe(at, groups(world, [match.label])[0], world.gauss.x)
+    assert match.z is not None
+    found = residual(at, seen, match.z[None], None if match.R is None else match.R[None])
+    return found.nu[0], innovation_covariance(world.gauss.P, found.rows)[0] + found.R[0]
 
 
 def squared_distance(nu: Vec, S: Mat) -> float:
@@ -47,19 +109,34 @@ def squared_distance(nu: Vec, S: Mat) -> float:
     return float(nu @ np.linalg.solve(S, nu))
 
 
-def judge(mount: Mount, match: Match, h: Vec, S: Mat, confidence: float) -> Association:
-    """The verdict on one searched feature, from its prediction at the time of judging."""
-    if match.z is None:
-        return Association(
-            mount.id, match.label, "no match", h, S, score=match.score,
-            runner_up=match.runner_up, why=match.why or "nothing found in the search region",
-        )  # fmt: skip
-    nu = mount.sensor.nu(h, match.z).nu
-    d2 = squared_distance(nu, S)
+def unmatched(mount: Mount, match: Match, h: Vec, S: Mat) -> Association:
+    """The verdict on a feature that was searched and not found."""
+    return Association(
+        mount.id, match.label, "no match", h, S, score=match.score,
+        runner_up=match.runner_up, why=match.why or "nothing found in the search region",
+    )  # fmt: skip
+
+
+def judge(
+    mount: Mount,
+    match: Match,
+    h: Vec,
+    nu: Vec,
+    S: Mat,
+    confidence: float,
+    d2: float | None = None,
+) -> Association:
+    """The verdict on a match with the innovation nu, at the time of judging.
+
+    d2: given for a partial feature, where it is the smallest of all particles.
+    """
+    of_particle = d2 is not None
+    d2 = squared_distance(nu, S) if d2 is None else d2
     dof = len(nu)
     gate = chi2_gate(dof, confidence)
     accepted = d2 < gate
     sign = "<" if accepted else ">"
+    whose = " of the nearest particle" if of_particle else ""
     return Association(
         mount=mount.id,
         label=match.label,
@@ -74,14 +151,15 @@ def judge(mount: Mount, match: Match, h: Vec, S: Mat, confidence: float) -> Asso
         confidence=confidence,
         score=match.score,
         runner_up=match.runner_up,
-        why=f"d2 = {d2:.1f} {sign} {gate:.2f} ({dof} DoF, {100 * confidence:.4g} %)",
+        why=f"d2{whose} = {d2:.1f} {sign} {gate:.2f} ({dof} DoF, {100 * confidence:.4g} %)",
         wrong=is_wrong(match, mount),
     )
 
 
 def is_wrong(match: Match, mount: Mount) -> bool | None:
-    """In simulation: the match lies more than 5 standard deviations of the sensor off the truth."""
-    if match.true_z is None or match.z is None:
+    """In simulation: the match lies more than 5 standard deviations of the sensor off the truth.
+    None where nobody knows: a recording, or a segment, whose ends have no true place."""
+    if match.true_z is None or match.z is None or match.z.size != mount.sensor.measurement_size:
         return None
     nu = mount.sensor.nu(match.true_z, match.z).nu
     R = mount.sensor.R(match.true_z[None])[0]

@@ -24,13 +24,16 @@ import numpy as np
 from scene_core.arrays import Mat, Vec
 from scene_core.filter.associate import judge
 from scene_core.filter.gaussian import Rows, Workspace, add_noise, times_Ht, times_P
+from scene_core.filter.groups import Group, groups
 from scene_core.filter.joint import odd_ones
-from scene_core.filter.observe import SensorState, groups, observe, rows, sensor_state
+from scene_core.filter.observe import Residual, SensorState, observe, residual, sensor_state
+from scene_core.filter.particles import reweighted
 from scene_core.filter.ports import Match
 from scene_core.filter.predict import normalise_robots
 from scene_core.filter.records import Association
 from scene_core.filter.world import Feature, Gaussian, Label, World
 from scene_core.geometry.ellipses import chi2_gate
+from scene_core.models import segments
 
 
 def correct(
@@ -38,12 +41,13 @@ def correct(
 ) -> tuple[World, tuple[Association, ...], dict[str, float]]:
     """The world after the update, the final verdicts, and the numbers of the update."""
     work = Workspace(world.gauss)
-    found = [m for m in matches if m.z is not None]
+    open_ = {label for label, f in world.features.items() if f.particles is not None}
+    found = [m for m in matches if m.z is not None and m.label not in open_]
     trace = float(np.trace(work.P))
     if world.policies.update.kind == "sequential":
         final = _sequential(work, world, mount, found)
     else:
-        final = {a.label: a for a in verdicts if a.z is not None}
+        final = {a.label: a for a in verdicts if a.z is not None and a.label not in open_}
         _stacked(work, world, mount, found, final)
     normalise_robots(work, world)
     normalise_features(work, world, [a.label for a in final.values() if a.verdict == "accepted"])
@@ -53,13 +57,12 @@ def correct(
         "trace P before": trace,
         "trace P after": float(np.trace(work.P)),
     }
-    features = counted(world, verdicts)
-    return replace(world, gauss=work.seal(), features=features), verdicts, numbers
-
-
-def noise(match: Match, R: Mat) -> Mat:
-    """The measurement's own covariance, else the sensor's."""
-    return R if match.R is None else match.R
+    world = replace(world, gauss=work.seal(), features=counted(world, verdicts))
+    agreed = {a.label for a in verdicts if a.verdict == "accepted"} & open_
+    if agreed:
+        seen = reweighted(world, mount, [m for m in matches if m.label in agreed])
+        world = replace(world, features={**world.features, **seen})
+    return world, verdicts, numbers
 
 
 def _stacked(
@@ -128,19 +131,32 @@ def _linearised(
 ) -> tuple[SensorState, list[Rows], Vec, Mat]:
     """H, nu and the blocks of R of the accepted matches at the present x."""
     at = sensor_state(world, mount, Gaussian(work.x, work.P, work.layout))
-    sensor = at.mount.sensor
     parts: list[Rows] = []
     nus, Rs = [], []
     for group in groups(world, list(accepted)):
-        seen = observe(at, group, work.x)
-        parts.append(rows(at, seen))
-        R = sensor.R(seen.h)
-        for i, label in enumerate(group.labels):
-            match = accepted[label]
-            assert match.z is not None
-            nus.append(sensor.nu(seen.h[i], match.z).nu)
-            Rs.append(noise(match, R[i]))
-    return at, parts, np.concatenate(nus), np.array(Rs)
+        _, found = _against(at, group, work.x, [accepted[label] for label in group.labels])
+        parts.append(found.rows)
+        nus.append(found.nu.ravel())
+        Rs.append(found.R)
+    return at, parts, np.concatenate(nus), np.concatenate(Rs)
+
+
+def _against(
+    at: SensorState, group: Group, x: Vec, matches: Sequence[Match]
+) -> tuple[Vec, Residual]:
+    """What x expects of a group, and the matches against it; a measurement's own covariance goes
+    before the sensor's."""
+    seen = observe(at, group, x)
+    z = np.array([match.z for match in matches])
+    R = None
+    if any(match.R is not None for match in matches):
+        sensor = at.mount.sensor
+        R = sensor.R(seen.h) if group.model.shape == "point" else segments.noise(sensor, z)
+        R = np.array(R)
+        for i, match in enumerate(matches):
+            if match.R is not None:
+                R[i] = match.R
+    return seen.h, residual(at, seen, z, R)
 
 
 def _sequential(
@@ -152,15 +168,13 @@ def _sequential(
         gauss = Gaussian(work.x, work.P, work.layout)
         at = sensor_state(world, mount, gauss)
         group = groups(world, [match.label])[0]
-        seen = observe(at, group, work.x)
-        parts = [rows(at, seen)]
-        HP = times_P(parts, work.P)
-        S = times_Ht(HP, parts) + noise(match, at.mount.sensor.R(seen.h)[0])
-        verdict = judge(at.mount, match, seen.h[0], S, confidence)
+        h, one = _against(at, group, work.x, [match])
+        HP = times_P([one.rows], work.P)
+        S = times_Ht(HP, [one.rows]) + one.R[0]
+        verdict = judge(at.mount, match, h[0], one.nu[0], S, confidence)
         final[match.label] = verdict
         if verdict.verdict == "accepted":
-            assert verdict.nu is not None
-            work.gain(HP, S, verdict.nu)
+            work.gain(HP, S, one.nu[0])
             normalise_robots(work, world)
             normalise_features(work, world, [match.label])
     return final
@@ -168,7 +182,7 @@ def _sequential(
 
 def normalise_features(work: Workspace, world: World, labels: Sequence[Label]) -> None:
     """Put the given features back on their constraints."""
-    for group in groups(world, labels):
+    for group in groups(world, [k for k in labels if not world.features[k].carrier]):
         result = group.model.normalise(work.x[group.columns])
         if result is None:
             continue

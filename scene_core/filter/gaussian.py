@@ -214,8 +214,9 @@ def drop(gauss: Gaussian, names: Sequence[str]) -> Gaussian:
     return _sealed(gauss.x[index], gauss.P[np.ix_(index, index)], layout)
 
 
-def convert(gauss: Gaussian, name: str, y: Vec, J: Mat) -> Gaussian:
-    """Replace a block by a function y of itself, possibly of another size, with Jacobian J."""
+def convert(gauss: Gaussian, name: str, y: Vec, J: Mat, noise: Mat | None = None) -> Gaussian:
+    """Replace a block by a function y of itself, possibly of another size, with Jacobian J; `noise`
+    is what something outside the state adds to its covariance."""
     block = gauss.layout[name]
     a, b, n, s = block.start, block.start + block.size, gauss.x.size, y.size
     m = n - block.size + s
@@ -229,6 +230,8 @@ def convert(gauss: Gaussian, name: str, y: Vec, J: Mat) -> Gaussian:
         P[a : a + s, new[i]] = A[:, old[i]]
         P[new[i], a : a + s] = A[:, old[i]].T
     B = A[:, a:b] @ J.T
+    if noise is not None:
+        B = B + noise
     P[a : a + s, a : a + s] = 0.5 * (B + B.T)
     sizes = {k.name: (s if k.name == name else k.size) for k in gauss.layout.blocks}
     return _sealed(x, P, Layout.of(sizes))

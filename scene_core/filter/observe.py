@@ -2,24 +2,28 @@
 
 y -> X_W = primitive(y) -> X_S = to_local(xws) -> h = project(X_S, k),  xws = xp(xv) * x_RS.
 The chain rule gives dh/dy, dh/dxv, dh/dx_RS and dh/dk; only blocks that are in the state enter H.
-All features of one model go through in one call.
+All features of one model go through in one call. For segments h is the normal of the plane through
+the line and the sensor (`scene_core.models.segments`).
 
 Source: Davison, Scene, sections 4 and 5.2; Solà, toolbox manual, section 5.1.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from scene_core.arrays import Mat, Vec
 from scene_core.filter.gaussian import Rows
-from scene_core.filter.records import Predictions
-from scene_core.filter.world import Gaussian, Label, Mount, World
+from scene_core.filter.groups import Group, groups, states
+from scene_core.filter.world import Gaussian, Mount, World
 from scene_core.geometry.spaces import embed
-from scene_core.models.base import FeatureModel, Sensor, completed
+from scene_core.models import segments
+from scene_core.models.base import completed
+
+__all__ = ["Group", "Observed", "Residual", "SensorState", "groups", "observe", "sensor_state"]
 
 
 @dataclass(frozen=True)
@@ -42,18 +46,6 @@ class SensorState:
 
 
 @dataclass(frozen=True)
-class Group:
-    """Features of one model, ready to go through the chain together."""
-
-    model: FeatureModel
-    labels: tuple[Label, ...]
-    columns: np.ndarray
-    """State indices (N, s)."""
-    pose0: Vec
-    """(N, n)"""
-
-
-@dataclass(frozen=True)
 class Observed:
     """Output of the chain for one group."""
 
@@ -63,6 +55,18 @@ class Observed:
     H_own: Mat
     X_W: Vec
     X_S: Vec
+
+
+@dataclass(frozen=True)
+class Residual:
+    """What measurements say against what was expected, ready for an update."""
+
+    nu: Vec
+    """(N, m)"""
+    rows: Rows
+    """-d nu / dx"""
+    R: Mat
+    """Covariance of nu from the measurement's noise (N, m, m)."""
 
 
 def sensor_state(world: World, mount_id: str, gauss: Gaussian | None = None) -> SensorState:
@@ -100,34 +104,49 @@ def sensor_state(world: World, mount_id: str, gauss: Gaussian | None = None) -> 
     )
 
 
-def groups(world: World, labels: Sequence[Label] | None = None) -> list[Group]:
-    """Features by model, in the order of their labels."""
-    by_model: dict[FeatureModel, list[Label]] = {}
-    features, layout = world.features, world.gauss.layout.by_name
-    for label in features if labels is None else labels:
-        by_model.setdefault(features[label].model, []).append(label)
-    out = []
-    for model, members in by_model.items():
-        starts = np.array([layout[features[label].block].start for label in members])
-        columns = starts[:, None] + np.arange(model.state_size)
-        pose0 = np.array([features[label].pose0 for label in members])
-        out.append(Group(model, tuple(members), columns, pose0))
-    return out
-
-
 def observe(sensor_at: SensorState, group: Group, x: Vec) -> Observed:
-    """h, its Jacobians and the points on the way, for all features of a group."""
-    sensor, model, k = sensor_at.mount.sensor, group.model, sensor_at.k
-    y = x[group.columns]
-    X_W, dXW_by_dy = completed(model.primitive(y), model.primitive, y)
-    X_S, dXS_by_dxws, dXS_by_dXW = sensor.space.to_local(sensor_at.xws, X_W)
-    h, dh_by_dXS, dh_by_dk = completed(sensor.project(X_S, k), sensor.project, X_S, k)
-    assert dXW_by_dy is not None and dh_by_dXS is not None
+    """h, its Jacobians and the points on the way, for all features of a complete group."""
+    y, dy_by_dx = states(group, x)
+    X_W, dXW_by_dy = completed(group.model.primitive(y), group.model.primitive, y)
+    assert dXW_by_dy is not None
+    return see(sensor_at, group, X_W, dXW_by_dy if dy_by_dx is None else dXW_by_dy @ dy_by_dx)
+
+
+def see(sensor_at: SensorState, group: Group, X_W: Vec, dXW_by_dx: Mat) -> Observed:
+    """The sensor's half of the chain, for points or segments X_W with their Jacobians by the
+    group's columns."""
+    sensor, k = sensor_at.mount.sensor, sensor_at.k
+    if group.model.shape == "segment":
+        X_S, dXS_by_dxws, dXS_by_dXW = segments.to_local(sensor.space, sensor_at.xws, X_W)
+        h, dh_by_dXS = segments.normal(X_S)
+        dh_by_dk = None
+    else:
+        X_S, dXS_by_dxws, dXS_by_dXW = sensor.space.to_local(sensor_at.xws, X_W)
+        h, dh_by_dXS, dh_by_dk = completed(sensor.project(X_S, k), sensor.project, X_S, k)
+        assert dh_by_dXS is not None
     H_shared = (dh_by_dXS @ dXS_by_dxws) @ sensor_at.dxws_by_dx
-    if sensor_at.calib_columns is not None:
+    if sensor_at.calib_columns is not None and dh_by_dk is not None:
         H_shared[..., sensor_at.calib_columns] = dh_by_dk
-    H_own = (dh_by_dXS @ dXS_by_dXW) @ dXW_by_dy
+    H_own = (dh_by_dXS @ dXS_by_dXW) @ dXW_by_dx
     return Observed(group, h, H_shared, H_own, X_W, X_S)
+
+
+def residual(sensor_at: SensorState, seen: Observed, z: Vec, R: Mat | None = None) -> Residual:
+    """nu of measurements z (N, mz), one for each feature of the group, with -dnu/dx.
+
+    R (N, mz, mz): the measurements' own covariance; None: the sensor's.
+    """
+    sensor, columns = sensor_at.mount.sensor, sensor_at.columns
+    if seen.group.model.shape != "segment":
+        own = sensor.R(seen.h) if R is None else R
+        return Residual(sensor.nu(seen.h, z).nu, rows(sensor_at, seen), own)
+    nu, by_n, by_z, by_k = segments.end_distances(sensor, seen.h, z, sensor_at.k)
+    H_shared = -by_n @ seen.H_shared
+    if sensor_at.calib_columns is not None:
+        H_shared[..., sensor_at.calib_columns] -= by_k
+    noise = segments.noise(sensor, z) if R is None else R
+    parts = Rows(columns, H_shared, seen.group.columns, -by_n @ seen.H_own)
+    return Residual(nu, parts, by_z @ noise @ np.swapaxes(by_z, -1, -2))
 
 
 def rows(sensor_at: SensorState, seen: Observed) -> Rows:
@@ -135,10 +154,11 @@ def rows(sensor_at: SensorState, seen: Observed) -> Rows:
     return Rows(sensor_at.columns, seen.H_shared, seen.group.columns, seen.H_own)
 
 
-def innovation_covariance(P: Mat, sensor_at: SensorState, seen: Observed) -> Mat:
+def innovation_covariance(P: Mat, parts: Rows) -> Mat:
     """E = H P H' (N, m, m) of every feature on its own."""
-    sc, fc = sensor_at.columns, seen.group.columns
-    Hs, Hf = seen.H_shared, seen.H_own
+    sc, fc = parts.shared, parts.own
+    Hs, Hf = parts.H_shared, parts.H_own
+    assert fc is not None and Hf is not None
     P_s = P[sc]
     P_ss = P_s[:, sc]
     P_sf = P_s[:, fc].transpose(1, 0, 2)
@@ -149,33 +169,6 @@ def innovation_covariance(P: Mat, sensor_at: SensorState, seen: Observed) -> Mat
     return 0.5 * (E + E.transpose(0, 2, 1))
 
 
-def predictions(world: World, mount_id: str) -> tuple[Predictions, ...]:
-    """What a mount expects to see of every feature in the map, one record per model."""
-    at = sensor_state(world, mount_id)
-    sensor, x, P = at.mount.sensor, world.gauss.x, world.gauss.P
-    how = world.policies.selection.score
-    out = []
-    for group in groups(world):
-        seen = observe(at, group, x)
-        E = innovation_covariance(P, at, seen)
-        fault = sensor.visibility(seen.h, seen.X_S, at.xws, group.pose0, seen.X_W)
-        out.append(
-            Predictions(
-                mount=mount_id,
-                model=group.model.name,
-                labels=group.labels,
-                h=seen.h,
-                H=roles(at, seen, world.gauss),
-                E=E,
-                R=sensor.R(seen.h),
-                fault=fault,
-                score=score(sensor, how, E),
-                selected=np.zeros(len(group.labels), dtype=bool),
-            )
-        )
-    return tuple(out)
-
-
 def roles(at: SensorState, seen: Observed, gauss: Gaussian) -> Mapping[str, Mat]:
     """H by block name, and the features' own part as "feature"."""
     out, start = {}, 0
@@ -184,60 +177,3 @@ def roles(at: SensorState, seen: Observed, gauss: Gaussian) -> Mapping[str, Mat]
         out[role] = seen.H_shared[..., start : start + size]
         start += size
     return out | {"feature": seen.H_own}
-
-
-def score(sensor: Sensor, how: str, E: Mat) -> Vec:
-    """Selection score of every feature: the sensor's own (trace), or the determinant of E."""
-    return np.linalg.det(E) if how == "determinant" else sensor.selection_score(E)
-
-
-def with_selected(preds: Sequence[Predictions], chosen: Sequence[Label]) -> tuple[Predictions, ...]:
-    """The same predictions with the selection marked."""
-    wanted = set(chosen)
-    return tuple(
-        replace(p, selected=np.array([label in wanted for label in p.labels], dtype=bool))
-        for p in preds
-    )
-
-
-def warps(world: World, at: SensorState, labels: Sequence[Label], step: float = 1.0) -> Mat:
-    """Local affine map (N, m, m) from each feature's first view to this one.
-
-    A surface element facing the first view is assumed: the pixels z0 and z0 + step along each axis
-    are put on the plane through the feature perpendicular to its first ray, and projected here.
-    """
-    m = at.mount.sensor.measurement_size
-    out = np.empty((len(labels), m, m))
-    place = {label: i for i, label in enumerate(labels)}
-    for group in groups(world, labels):
-        features = [world.features[label] for label in group.labels]
-        for mount in {f.mount for f in features}:
-            chosen = [i for i, f in enumerate(features) if f.mount == mount]
-            X_W = group.model.primitive(world.gauss.x[group.columns[chosen]]).X
-            z0 = np.array([features[i].z0 for i in chosen])
-            first = world.mounts[mount].sensor
-            k0 = world.mount_calib(mount)
-            index = [place[group.labels[i]] for i in chosen]
-            out[index] = _affine(at, first, k0, z0, group.pose0[chosen], X_W, step)
-    return out
-
-
-def _affine(
-    at: SensorState, first: Sensor, k0: Vec, z0: Vec, pose0: Vec, X_W: Vec, step: float
-) -> Mat:
-    space, m = first.space, first.measurement_size
-    d = space.d
-    X_0 = space.to_local(pose0, X_W).X
-    axis, w = X_0[:, :d], X_0[:, d:]
-    length = np.linalg.norm(axis, axis=1, keepdims=True)
-    unit = axis / length
-    # All shifted pixels in one batch: (2 m, N) flattened, + and - half a step along each axis.
-    shifts = 0.5 * step * np.concatenate([np.eye(m), -np.eye(m)])
-    z = (z0 + shifts[:, None]).reshape(-1, m)
-    ray = first.backproject(z, np.zeros((len(z), len(first.unmeasured))), k0).X[:, :d]
-    unit, length, w, pose = (np.tile(part, (2 * m, 1)) for part in (unit, length, w, pose0))
-    facing = np.sum(ray * unit, axis=1, keepdims=True)
-    on_plane = np.concatenate([ray * (length / facing), w], axis=1)
-    X_S = space.to_local(at.xws, space.to_world(pose, on_plane).X).X
-    h = at.mount.sensor.project(X_S, at.k).h.reshape(2, m, -1, m)
-    return ((h[0] - h[1]) / step).transpose(1, 2, 0)

@@ -15,10 +15,12 @@ class Selection:
 
     budget: int = param(10, lo=0, hi=1000, soft=(1, 40), label="Select, max")
     """At most this many features are measured by a sensor in a frame, largest score first."""
-    score: Literal["trace", "determinant"] = param(
-        "trace", choices=("trace", "determinant"), label="Score"
+    score: Literal["trace", "determinant", "volume", "information"] = param(
+        "trace", choices=("trace", "determinant", "volume", "information"), label="Score"
     )
-    """What ranks them: the trace (SceneLib) or the determinant (the toolbox) of E = H P H'."""
+    """What ranks them: the trace (SceneLib) or the determinant (the toolbox) of E = H P H', the
+    volume 4/3 pi sqrt(det S) of the search region (Scene), or the information a measurement
+    brings, 1/2 log2 det(S R^-1) bit: the only one that compares points with lines."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,12 @@ class Management:
     """Whether features given at the start may be deleted too (SceneLib does)."""
     min_speed: float = param(0.0, unit="m/s", lo=0.0, hi=10.0, soft=(0.0, 1.0), label="Speed, min")
     """No automatic initialisation below this speed of the robot (SceneLib: 0.2)."""
+    max_open: int = param(8, lo=1, hi=200, soft=(1, 30), label="Open, max")
+    """At most this many features may be carried by particles at a time (SceneLib: 1)."""
+    open_attempts: int = param(40, lo=1, hi=1000, soft=(5, 100), label="Open, attempts")
+    """A feature whose particles have not collapsed after this many searches is given up."""
+    extend_lines: bool = param(True, label="Extend lines")
+    """A measured end that lies beyond a segment makes it longer; its line stays as it is."""
 
 
 @dataclass(frozen=True)
@@ -113,9 +121,12 @@ class Policies:
     """All choices of the estimator, and the parametrisation of new features."""
 
     landmark: FeatureModel
+    """How new points are kept."""
     selection: Selection = field(default_factory=Selection)
     association: Association = field(default_factory=Association)
     gate: Gate = field(default_factory=Gate)
     update: Update = field(default_factory=Update)
     management: Management = field(default_factory=Management)
     vision: Vision = field(default_factory=Vision)
+    line: FeatureModel | None = None
+    """How new lines are kept; none: lines are not mapped."""

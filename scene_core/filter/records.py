@@ -15,7 +15,7 @@ import numpy as np
 from scene_core.arrays import Mat, Vec
 from scene_core.filter.ports import Frame, Match
 from scene_core.filter.world import Label, World
-from scene_core.models.base import words
+from scene_core.models.base import Shape, words
 
 Phase = Literal["predict", "internal", "select", "search", "associate", "update", "manage"]
 Verdict = Literal["accepted", "rejected", "no match", "not selected"]
@@ -42,6 +42,14 @@ class Predictions:
     """Selection score (N,)."""
     selected: np.ndarray
     """(N,) bool."""
+    shape: Shape = "point"
+    """Of segments h (N, 3) is the normal of the plane through line and sensor, H its Jacobian, and
+    E, R (N, 2, 2) are those of the distances of both expected ends from it."""
+    ends: Vec | None = None
+    """Where both ends of a segment are expected (N, 4)."""
+    particles: tuple[Vec, Vec] | None = None
+    """Of partial features: the prediction (N, K, m) and the weight (N, K) of every particle; h, E
+    and R are then those of the mixture, and H that of the heaviest particle."""
 
     @property
     def S(self) -> Mat:

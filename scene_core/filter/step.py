@@ -8,19 +8,20 @@ between phases, redoing a frame and showing it from another thread need nothing 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from time import perf_counter
 from typing import Any
 
-import numpy as np
-
-from scene_core.filter.associate import judge, query
+from scene_core.filter.associate import judged, queries
 from scene_core.filter.correct import correct
+from scene_core.filter.expect import predictions, with_selected
 from scene_core.filter.manage import manage
-from scene_core.filter.observe import predictions, sensor_state, warps, with_selected
+from scene_core.filter.observe import sensor_state
 from scene_core.filter.ports import Frame, Image, Match, Source
 from scene_core.filter.predict import measure_internally, predict
 from scene_core.filter.records import Association, Event, Phase, PhaseRecord, Predictions
 from scene_core.filter.select import ranked, select
+from scene_core.filter.warp import warps
 from scene_core.filter.world import Label, World
 
 
@@ -51,7 +52,7 @@ def observe_with(world: World, frame: Frame, source: Source, mount: str) -> Iter
         "update", mount, lambda: _update(world, mount, searched.matches, judged.associations)
     )
     yield updated
-    fresh = [a.label for a in updated.associations if a.verdict == "accepted"]
+    fresh = [a for a in updated.associations if a.verdict == "accepted"]
     yield _timed("manage", mount, lambda: _manage(updated.world, frame, source, mount, seen, fresh))
 
 
@@ -100,13 +101,13 @@ def _search(
 ) -> dict[str, Any]:
     if not labels:
         return dict(world=world)
-    m = world.mounts[mount].sensor.measurement_size
-    if isinstance(frame.raw[mount], Image) and world.policies.vision.warp:
-        warp = warps(world, sensor_state(world, mount), labels)
-    else:
-        warp = np.broadcast_to(np.eye(m), (len(labels), m, m))
-    request = query(world, mount, seen, labels, warp)
-    matches = tuple(source.search(frame, request, world.policies.vision))
+    matches: tuple[Match, ...] = ()
+    for request in queries(world, mount, seen, labels):
+        if isinstance(frame.raw[mount], Image) and world.policies.vision.warp:
+            request = replace(
+                request, warp=warps(world, sensor_state(world, mount), request.labels)
+            )
+        matches += tuple(source.search(frame, request, world.policies.vision))
     numbers = {
         "searched": float(len(matches)),
         "found": float(sum(match.z is not None for match in matches)),
@@ -121,14 +122,7 @@ def _associate(
     seen: tuple[Predictions, ...],
     matches: tuple[Match, ...],
 ) -> dict[str, Any]:
-    where = {label: (p, i) for p in seen for label, i in p.row.items()}
-    mount, confidence = world.mounts[mount_id], world.policies.gate.confidence
-    verdicts: list[Association] = []
-    for match in matches:
-        p, i = where[match.label]
-        R = p.R[i] if match.R is None else match.R
-        verdicts.append(judge(mount, match, p.h[i], p.E[i] + R, confidence))
-    return dict(world=world, associations=tuple(verdicts))
+    return dict(world=world, associations=judged(world, mount_id, seen, matches))
 
 
 def _update(
@@ -151,7 +145,8 @@ def _manage(
     source: Source,
     mount: str,
     seen: tuple[Predictions, ...],
-    fresh: list[Label],
+    fresh: list[Association],
 ) -> dict[str, Any]:
-    after, events = manage(world, frame, source, mount, seen, fresh)
+    labels, measured = [a.label for a in fresh], [a.z for a in fresh if a.z is not None]
+    after, events = manage(world, frame, source, mount, seen, labels, measured)
     return dict(world=after, events=tuple(events))

@@ -16,7 +16,13 @@ import numpy as np
 
 from scene_core.arrays import Mat, Vec
 from scene_core.filter.policies import Policies
-from scene_core.models.base import FeatureModel, InternalMeasurementModel, MotionModel, Sensor
+from scene_core.models.base import (
+    FeatureModel,
+    InternalMeasurementModel,
+    MotionModel,
+    Particles,
+    Sensor,
+)
 
 Label = int
 """Features are numbered from 1 and labels are never used again."""
@@ -133,7 +139,11 @@ class Instrument:
 
 @dataclass(frozen=True)
 class Feature:
-    """What is known of a landmark besides its block feature:<label> of the state."""
+    """What is known of a landmark besides its block feature:<label> of the state.
+
+    A marker on a robot is a feature too: it has no block of its own, its coordinates follow from
+    the block of its carrier.
+    """
 
     label: Label
     model: FeatureModel
@@ -154,10 +164,18 @@ class Feature:
     """Failed searches in a row."""
     known: bool = False
     """Given at the start, not found by the filter."""
+    particles: Particles | None = None
+    """Free parameters of a partial feature."""
+    extent: tuple[float, float] | None = None
+    """Where a segment begins and ends along its line; not a part of the state."""
+    carrier: str = ""
+    """The robot that carries this marker, else nothing."""
+    offset: Vec | None = None
+    """Where the marker is, in the axes of its carrier."""
 
     @property
     def block(self) -> str:
-        return f"feature:{self.label}"
+        return f"robot:{self.carrier}" if self.carrier else f"feature:{self.label}"
 
 
 @dataclass(frozen=True)

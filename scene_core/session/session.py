@@ -15,7 +15,7 @@ from time import perf_counter
 from typing import Any
 
 from scene_core import params
-from scene_core.filter.manage import initialise_at
+from scene_core.filter.birth import initialise_at
 from scene_core.filter.ports import EndOfData, Frame, SourceError
 from scene_core.filter.records import Event, PhaseRecord, Trace
 from scene_core.filter.step import step

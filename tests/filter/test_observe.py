@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from scene_core.arrays import frozen
+from scene_core.filter.expect import predictions
 from scene_core.filter.gaussian import dense
 from scene_core.filter.observe import (
     groups,
     innovation_covariance,
     observe,
-    predictions,
     rows,
     sensor_state,
-    warps,
 )
+from scene_core.filter.warp import warps
 from scene_core.filter.world import Gaussian, World
 from tests.filter.worlds import camera_world
 
@@ -51,7 +51,7 @@ def test_innovation_covariance_is_the_dense_one() -> None:
     at = sensor_state(world, "eye")
     for group in groups(world):
         seen = observe(at, group, x)
-        E = innovation_covariance(P, at, seen)
+        E = innovation_covariance(P, rows(at, seen))
         H = dense([rows(at, seen)], x.size)
         for i in range(len(E)):
             Hi = H[2 * i : 2 * i + 2]

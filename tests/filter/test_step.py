@@ -9,8 +9,10 @@ import pytest
 
 from scene_core import params
 from scene_core.arrays import frozen
-from scene_core.filter.manage import delete, initialise, initialise_at
-from scene_core.filter.observe import groups, observe, predictions, sensor_state
+from scene_core.filter.birth import initialise, initialise_at
+from scene_core.filter.expect import predictions
+from scene_core.filter.manage import delete
+from scene_core.filter.observe import groups, observe, sensor_state
 from scene_core.filter.policies import Update
 from scene_core.filter.ports import Control, Detection, Frame, Points
 from scene_core.filter.predict import predict, robot_motion
