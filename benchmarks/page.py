@@ -46,6 +46,7 @@ def client(port: int, seconds: float, edits: int) -> None:
         rng = np.random.default_rng(0)
         while time.monotonic() - started < seconds:
             until = time.monotonic() + seconds / max(edits, 1) * rng.uniform(0.6, 1.0)
+            until = min(until, started + seconds)
             while time.monotonic() < until:
                 messages += len(me.receive(0.02))
                 me.seen.clear()
