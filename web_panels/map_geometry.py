@@ -222,8 +222,9 @@ def view_angle(sensor: Sensor, k: Vec) -> tuple[float, float]:
     z[:, 1::2] = lo[1::2], hi[1::2]
     n = np.ones((2, len(sensor.unmeasured)))
     rays = sensor.backproject(z, n, k).X[..., :3]
-    rays = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
-    fov = float(np.arccos(np.clip(rays[0] @ rays[1], -1.0, 1.0)))
+    # Up and down from the axis each on its own: together they may be more than half a turn.
+    up, down = np.arctan2(rays[:, 1], rays[:, 2])
+    fov = float(down - up)
     return min(fov, np.radians(150.0)), float((hi[0] - lo[0]) / (hi[1] - lo[1]))
 
 

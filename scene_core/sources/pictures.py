@@ -11,7 +11,7 @@ from scene_core.arrays import Vec, frozen
 from scene_core.filter.policies import Vision
 from scene_core.filter.ports import Detection, Image, Match, Query, SourceError
 from scene_core.geometry.spaces import THREE_D
-from scene_core.models.base import Sensor
+from scene_core.models.base import Fault, Sensor
 from scene_core.sources import noise
 from scene_core.sources.corners import detect_corners
 from scene_core.sources.render import Rendering, hit, rays_of, render, scene_of
@@ -88,8 +88,11 @@ def patch_of(
 
 def projected(sensor: Sensor, calib: Vec, pose: Vec, place: Vec) -> Vec | None:
     """True pixel of a place (3,); None behind the camera."""
-    X = THREE_D.to_local(pose, np.append(place, 1.0)[None]).X
-    return sensor.project(X, calib).h[0] if X[0, 2] > 1e-6 else None
+    X_W = np.append(place, 1.0)[None]
+    X = THREE_D.to_local(pose, X_W).X
+    h = sensor.project(X, calib).h
+    fault = sensor.visibility(h, X, pose, pose[None], X_W)
+    return None if fault[0] & Fault.BEHIND else h[0]
 
 
 def known_places(room: TexturedRoom, names: Sequence[str]) -> dict[str, Vec]:

@@ -12,8 +12,10 @@ import pytest
 from scene_core.filter.policies import Vision
 from scene_core.filter.ports import Image, Occupied, Query
 from scene_core.geometry import quaternion
-from scene_core.models.camera import Camera
+from scene_core.models.camera import Camera, CentralCamera
 from scene_core.models.motion.impulse import Impulse
+from scene_core.models.sensors.fisheye import Fisheye
+from scene_core.models.sensors.omnidirectional import Omnidirectional
 from scene_core.models.sensors.pinhole import Pinhole
 from scene_core.models.sensors.wide_angle import WideAngle
 from scene_core.sources import noise
@@ -34,6 +36,12 @@ from scene_core.sources.simulated import Simulation, TrueMount, TrueRobot
 
 PINHOLE = Pinhole(u0=159.5, v0=119.5, f_u=210.0, f_v=210.0, distortion=(-0.12, 0.02))
 WIDE = WideAngle()
+FISHEYE = Fisheye(u0=160.0, v0=120.0, f_u=110.0, f_v=112.0, k1=-0.02, k2=0.003)
+"""To 90 degrees on either side, and farther in the corners."""
+OMNI = Omnidirectional(
+    width=320, height=240, u0=160.0, v0=120.0, polynomial=(125.6637, -80.0), theta_min=-0.25
+)
+"""An equidistant lens whose circle, of 104 degrees, ends inside the image's corners."""
 EYE = np.array([0.2, 0.5, 1.3])
 STILL = Rendering(exposure=0.0, gain=1.0, flicker=0.0, noise=0.0, blur=0.6)
 
@@ -73,12 +81,14 @@ class _Painted:
         return self._surfaces
 
 
-def photo(camera: Camera, scene: Scene, now: np.ndarray, how: Rendering = STILL) -> np.ndarray:
+def photo(
+    camera: CentralCamera, scene: Scene, now: np.ndarray, how: Rendering = STILL
+) -> np.ndarray:
     rays = rays_of(camera, tuple(camera.calib0.tolist()))
     return render(scene, rays, now, now, 0.0, how, noise.rng(0, "photo"))
 
 
-@pytest.mark.parametrize("camera", [PINHOLE, WIDE], ids=lambda c: c.name)
+@pytest.mark.parametrize("camera", [PINHOLE, WIDE, FISHEYE], ids=lambda c: c.name)
 @pytest.mark.parametrize("target", [(0.0, 2.5, 1.3), (1.0, 2.5, 1.0)])
 def test_corners_appear_where_the_camera_model_projects_them(
     camera: Camera, target: tuple[float, float, float]
@@ -86,6 +96,8 @@ def test_corners_appear_where_the_camera_model_projects_them(
     scene, corners = checkered()
     pose = looking_at(EYE, np.array(target))
     image = photo(camera, scene, pose)
+    # Where the squares are large enough for a corner finder, however wide the lens.
+    corners = corners[np.abs(corners - target).max(axis=1) < 1.0]
     h = [projected(camera, camera.calib0, pose, c) for c in corners]
     inside = np.array([z for z in h if z is not None and (z > 20).all() and (z < (300, 220)).all()])
     assert len(inside) > 20
@@ -97,18 +109,21 @@ def test_corners_appear_where_the_camera_model_projects_them(
     assert off.max() < 0.3
 
 
-def test_what_a_pixel_sees_projects_back_onto_it() -> None:
+@pytest.mark.parametrize("camera", [PINHOLE, FISHEYE, OMNI], ids=lambda c: c.name)
+def test_what_a_pixel_sees_projects_back_onto_it(camera: CentralCamera) -> None:
     scene = scene_of(TexturedRoom())
     rng = np.random.default_rng(0)
     for target in ((0.0, 2.5, 1.0), (2.6, 0.0, 0.8), (-2.4, 1.9, 0.5)):
         pose = looking_at(EYE, np.array(target))
         for z in rng.uniform((5, 5), (315, 235), (20, 2)):
-            ray = PINHOLE.backproject(z[None], np.zeros((1, 1)), PINHOLE.calib0).X[0, :3]
+            ray = camera.backproject(z[None], np.zeros((1, 1)), camera.calib0).X[0, :3]
             place = hit(scene, pose, ray)
             assert place is not None
-            np.testing.assert_allclose(
-                projected(PINHOLE, PINHOLE.calib0, pose, place), z, atol=1e-6
-            )
+            at = projected(camera, camera.calib0, pose, place)
+            if camera is OMNI and np.linalg.norm(z - (160, 120)) > 145:
+                continue  # outside the circle
+            assert at is not None
+            np.testing.assert_allclose(at, z, atol=1e-6)
             assert (np.abs(place) <= np.array([3.0, 2.5, 2.6]) + 1e-9).all()
             assert visible(scene, EYE, place)
 
@@ -123,9 +138,10 @@ def test_furniture_hides_the_wall_behind_it() -> None:
         assert visible(scene, EYE, corner)
 
 
-def test_coarse_culling_loses_no_surface() -> None:
+@pytest.mark.parametrize("camera", [PINHOLE, FISHEYE], ids=lambda c: c.name)
+def test_coarse_culling_loses_no_surface(camera: Camera) -> None:
     scene = scene_of(TexturedRoom())
-    rays = rays_of(PINHOLE, tuple(PINHOLE.calib0.tolist()))
+    rays = rays_of(camera, tuple(camera.calib0.tolist()))
     grey = [cv2.cvtColor(s.texture, cv2.COLOR_RGB2GRAY) for s in scene.surfaces]
     for target in ((2.6, 0.0, 0.8), (-2.4, 1.9, 0.5), (0.2, -2.2, 0.4)):
         pose = looking_at(EYE, np.array(target))
@@ -145,6 +161,17 @@ def test_coarse_culling_loses_no_surface() -> None:
             high = max((int(p.max()) for p in patches if p.size), default=255)
             wrong += not low - 3 <= image[v, u] <= high + 3
         assert wrong <= 1
+
+
+def test_a_wide_lens_shows_what_is_behind_it_and_nothing_outside_its_circle() -> None:
+    scene = scene_of(TexturedRoom())
+    rays = rays_of(OMNI, tuple(OMNI.calib0.tolist()))
+    image = photo(OMNI, scene, looking_at(EYE, np.array([0.0, 2.5, 1.3]), 0.0))
+    behind = (rays.d[2] < -0.05) & (rays.shade > 0.0)
+    outside = np.hypot(*(np.mgrid[:240, :320] - np.array([120, 160])[:, None, None])) > 155
+    assert behind.sum() > 500 and outside.any()
+    assert image[behind].mean() > 10.0
+    assert (rays.shade[outside] == 0.0).all() and (image[outside] == 0).all()
 
 
 def test_image_noise_and_gain_are_as_asked() -> None:

@@ -16,6 +16,7 @@ from scene_core.filter.world import World
 from scene_core.geometry import quaternion
 from scene_core.geometry.correlation import largest_canonical_correlations
 from scene_core.geometry.ellipses import sigma
+from scene_core.models.sensors.fisheye import Fisheye
 from scene_core.session.presets import build
 from scene_core.session.published import Published
 from scene_core.session.session import Session
@@ -208,6 +209,14 @@ def test_the_view_angle_of_a_pinhole() -> None:
     fov, aspect = map_geometry.view_angle(sensor, undistorted)
     assert fov == pytest.approx(2 * math.atan(240 / 320))
     assert aspect == pytest.approx(640 / 480)
+
+
+@pytest.mark.parametrize(("focal", "degrees"), [(200.0, 137.5), (120.0, 150.0), (80.0, 150.0)])
+def test_the_frustum_of_a_fisheye_stays_open_to_the_front(focal: float, degrees: float) -> None:
+    """480 rows at 120 px per radian are 229 degrees: no pyramid shows them."""
+    sensor = Fisheye(width=640, height=480, u0=320.0, v0=240.0, f_u=focal, f_v=focal)
+    fov, _ = map_geometry.view_angle(sensor, sensor.calib0)
+    assert math.degrees(fov) == pytest.approx(degrees, abs=0.1)
 
 
 @pytest.mark.parametrize(
