@@ -53,17 +53,30 @@ def set_param(experiment: Experiment, path: str, value: object) -> Experiment:
 
 
 def until_reset(edited: Experiment, started: Experiment) -> Experiment:
-    """The edited experiment with those parameters that act on reset as they were at the start.
+    """The edited experiment with those parameters that act on reset as they were at the start, and
+    the world of a simulation, which stays the one the run began in.
 
     A model that was not there at the start has its own values. The same object when nothing has
     to be held back.
     """
+    world, was = (getattr(e.source, "world", None) for e in (edited, started))
+    if type(world) is not type(was):
+        edited = params.put(edited, "source.world", was)
     for spec, before in params.changed(edited, started):
         if spec.effect == "on reset" and before is not None:
             owner = spec.path.rpartition(".")[0]
             if type(params.get(edited, owner)) is type(params.get(started, owner)):
                 edited = params.put(edited, spec.path, before.value)
     return edited
+
+
+def waits(running: Experiment, edited: Experiment, path: str) -> bool:
+    """Whether a parameter has not its edited value yet; that of a world the run did not begin in is
+    not even there."""
+    try:
+        return params.get(running, path) != params.get(edited, path)
+    except ParamError:
+        return True
 
 
 def uses(settings: Any, model: type[Any]) -> bool:

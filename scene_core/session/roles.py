@@ -13,6 +13,7 @@ from scene_core.params import ParamError
 from scene_core.session.config import Experiment, MountSettings, RobotSettings
 from scene_core.session.fit import fitted
 from scene_core.session.published import RoleOptions
+from scene_core.session.simulated_roles import simulated_roles, with_simulated
 from scene_core.session.start import sd_labels, sds_of, start_state
 
 CHOICES = {
@@ -46,7 +47,7 @@ def role_options(experiment: Experiment) -> tuple[RoleOptions, ...]:
         options = _names("sensors", space=mount.sensor.space, labels=mount.sensor.labels)
         role = f"source.mounts.{name}.sensor"
         out.append(RoleOptions(role, f"Truth: sensor {name}", mount.sensor.name, options))
-    return tuple(out)
+    return (*out, *simulated_roles(experiment))
 
 
 def swapped(
@@ -62,6 +63,12 @@ def swapped(
     known = {r.role: r for r in role_options(experiment)}
     if role not in known:
         raise ParamError(f"no role '{role}': choose one of {', '.join(known)}")
+    if role in {r.role for r in simulated_roles(experiment)}:
+        if name not in known[role].options:
+            raise ParamError(f"no '{name}' for {role}: choose {', '.join(known[role].options)}")
+        if name == known[role].current:
+            return experiment, f"{known[role].title} is already '{name}'"
+        return with_simulated(experiment, base, role, name)
     kind = _kind(role)
     if name not in registry.models(kind) and name in registry.refused(kind):
         raise ParamError(registry.refused(kind)[name])
@@ -84,7 +91,8 @@ def swapped(
 
 def outdated(experiment: Experiment) -> list[tuple[str, str]]:
     """Roles whose model is an earlier version of what its file holds now, with its name."""
-    roles = [r for r in role_options(experiment) if r.role not in CHOICES]
+    others = {*CHOICES, *(r.role for r in simulated_roles(experiment))}
+    roles = [r for r in role_options(experiment) if r.role not in others]
     return [(r.role, r.current) for r in roles if is_outdated(params.get(experiment, r.role))]
 
 
@@ -102,9 +110,11 @@ def _kind(role: str) -> str:
 
 
 def _made(kind: str, name: str, old: Any) -> Any:
-    """A model with its defaults; the new version of `old` with what was edited on it."""
+    """A model with its defaults; the new version of `old`, or a sensor that can not be fitted to
+    it, with the parameters of the same name that are not at their defaults."""
     cls = registry.model_class(kind, name)
-    return carried(old, cls) if old.name == name else cls()
+    keeps = old.name == name or (kind == "sensors" and not hasattr(cls, "with_calib"))
+    return carried(old, cls) if keeps else cls()
 
 
 @cache
@@ -162,15 +172,15 @@ def _with_motion(settings: RobotSettings, original: RobotSettings, name: str) ->
 def _with_sensor(settings: MountSettings | Any, name: str) -> tuple[Any, str]:
     """Another sensor that sees the same; of a mount of the estimator or of the simulator."""
     made = _made("sensors", name, settings.sensor)
-    is_renewed = settings.sensor.name == name
-    sensor, rms = (made, 0.0) if is_renewed else fitted(settings.sensor, made)
+    is_fitted = settings.sensor.name != name and hasattr(made, "with_calib")
+    sensor, rms = fitted(settings.sensor, made) if is_fitted else (made, 0.0)
     labels = sensor.calib_labels
     if isinstance(settings, MountSettings):
         kept = {s: x for s, x in settings.calib_sd.items() if s in labels}
         after = replace(settings, sensor=sensor, calib_sd=kept)
     else:
         after = replace(settings, sensor=sensor, calib={})
-    if is_renewed:
+    if not is_fitted:
         return after, ""
     unit = sensor.units[0]
     return after, f"calibration fitted so that it sees the same, to {rms:.2g} {unit} rms"

@@ -14,7 +14,6 @@ from itertools import islice
 from time import perf_counter
 from typing import Any
 
-from scene_core import params
 from scene_core.filter.birth import initialise_at
 from scene_core.filter.ports import EndOfData, Frame, SourceError
 from scene_core.filter.records import Event, PhaseRecord, Trace
@@ -41,6 +40,7 @@ from scene_core.session.edits import (
     set_param,
     until_reset,
     uses,
+    waits,
 )
 from scene_core.session.history import History, Moment
 from scene_core.session.metrics import Metrics
@@ -318,7 +318,7 @@ class Session:
         running = self._running(after)
         reached = reconfigure(self.world, self.running.estimator, running.estimator)
         if isinstance(command, SetParam) and running is not after.experiment:
-            if params.get(running, command.path) != command.value:
+            if waits(running, after.experiment, command.path):
                 note = "takes effect on reset"
         self._discard_future(frame - 1, computed=frame - 1)
         logged = self._edits.setdefault(frame, [])

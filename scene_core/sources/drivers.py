@@ -121,6 +121,14 @@ class Shuttle(Driver):
     speed: float = param(0.5, unit="m/s", lo=0.0, hi=100.0, soft=(0.0, 2.0))
     """Nominal speed."""
 
+    def check(self, motion: MotionModel) -> None:
+        if "v" not in motion.control_labels:
+            controls = ", ".join(motion.control_labels) or "none"
+            raise SourceError(
+                f"the driver '{self.name}' sets the speed v, which the motion model "
+                f"'{motion.name}' does not have among its controls ({controls})"
+            )
+
     def memory0(self) -> Any:
         return 1.0
 

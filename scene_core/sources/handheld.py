@@ -83,6 +83,10 @@ class HandHeld(Driver):
     targets: tuple[tuple[float, float, float], ...] = TARGETS
     """What the camera looks at from each of them, m."""
 
+    def check(self, motion: MotionModel) -> None:
+        _rows(motion, VELOCITY)
+        _rows(motion, TURN)
+
     def start(self, motion: MotionModel, dt: float) -> dict[str, float]:
         nominal = _nominal(self, dt, 0)
         values = np.concatenate([nominal.r, nominal.q, nominal.v, nominal.w])

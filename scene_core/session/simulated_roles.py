@@ -1,0 +1,77 @@
+"""What can be swapped in a simulation: its world, and who drives its robots."""
+
+from __future__ import annotations
+
+import inspect
+from typing import Any
+
+from scene_core import params
+from scene_core.filter.ports import SourceError
+from scene_core.params import ParamError
+from scene_core.session import polymorphic
+from scene_core.session.config import Experiment
+from scene_core.session.published import RoleOptions
+from scene_core.sources.drivers import Driver
+from scene_core.sources.manual import AXES, Manual
+from scene_core.sources.simulated import Simulation
+from scene_core.sources.world_file import WorldFile
+from scene_core.sources.worlds import SimulatedWorld
+
+WORLD = "source.world"
+
+
+def simulated_roles(experiment: Experiment) -> tuple[RoleOptions, ...]:
+    """The world and the drivers of a simulation; none of a recording. Rendered images are those of
+    the one world that can be rendered."""
+    source = experiment.source
+    if not isinstance(source, Simulation):
+        return ()
+    out = []
+    if source.rendering is None:
+        fits = [name for name, cls in _classes(SimulatedWorld).items() if _fits(cls, source.world)]
+        out.append(RoleOptions(WORLD, "Truth: world", source.world.name, tuple(fits)))
+    drivers = tuple(_classes(Driver))
+    for name, robot in source.robots.items():
+        role = f"source.robots.{name}.driver"
+        out.append(RoleOptions(role, f"Truth: driver of {name}", robot.driver.name, drivers))
+    return tuple(out)
+
+
+def with_simulated(
+    experiment: Experiment, base: Experiment, role: str, name: str
+) -> tuple[Experiment, str]:
+    """The experiment with another world or driver, and a sentence about it. The scenario's own
+    comes back as the scenario has it. Raises ParamError where it makes no sense."""
+    original = params.get(base, role)
+    if role == WORLD:
+        if experiment.estimator.known and name != original.name:
+            raise ParamError(
+                f"the estimator is given landmarks of the world '{original.name}' at the start: "
+                f"they are not in '{name}'; load a scenario without known landmarks"
+            )
+        new = original if original.name == name else _classes(SimulatedWorld)[name]()
+        return params.put(experiment, role, new), "takes effect on reset"
+    assert isinstance(experiment.source, Simulation)
+    robot = params.get(experiment, role.rpartition(".")[0])
+    new = original if original.name == name else _classes(Driver)[name]()
+    if isinstance(new, Manual) and new is not original and experiment.source.up == "y":
+        new = params.put(new, "axes", tuple(AXES)[1])
+    try:
+        new.check(robot.motion)
+    except SourceError as e:
+        raise ParamError(f"'{name}' can not drive '{robot.motion.name}': {e}") from e
+    return params.put(experiment, role, new), ""
+
+
+def _classes(base: type[Any]) -> dict[str, type[Any]]:
+    found = polymorphic.variants(base)
+    assert found is not None
+    return dict(found[1])
+
+
+def _fits(cls: type[Any], world: SimulatedWorld) -> bool:
+    """Whether sensors that measure a world can measure one of this class; a file may be of any
+    dimension."""
+    if cls is WorldFile or isinstance(world, WorldFile):
+        return True
+    return inspect.getattr_static(cls, "space", None) is world.space

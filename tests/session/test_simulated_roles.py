@@ -1,0 +1,127 @@
+"""Another world waits for a reset, another driver takes the wheel at once; both can be undone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scene_core import params
+from scene_core.filter.ports import Truth
+from scene_core.params import ParamError
+from scene_core.session import toml_io
+from scene_core.session.commands import ResetParams, SetParam, SwapModel, Transport, Undo
+from scene_core.session.presets import build
+from scene_core.session.roles import role_options
+from scene_core.session.session import Session
+
+DRIVER = "source.robots.nomad.driver"
+WORLD = "source.world"
+
+
+def truth_of(session: Session) -> Truth:
+    assert session.trace is not None and session.trace.frame.truth is not None
+    return session.trace.frame.truth
+
+
+def test_a_simulation_offers_worlds_of_its_dimension_and_drivers() -> None:
+    roles = {r.role: r for r in role_options(build("nomad"))}
+    assert roles[WORLD].current == "field"
+    assert set(roles[WORLD].options) == {"field", "random plane", "corridor plan", "world file"}
+    assert {"waypoints", "manual", "constant"} <= set(roles[DRIVER].options)
+    room = {r.role for r in role_options(build("room"))}
+    assert WORLD not in room and "source.robots.hand.driver" in room
+
+
+def test_a_robot_is_driven_by_hand_from_the_next_frame_on() -> None:
+    session = Session(build("nomad"))
+    for _ in range(3):
+        session.advance()
+    session.apply(SwapModel(DRIVER, "manual"))
+    session.advance()
+    here = truth_of(session).xp["nomad"]
+    session.advance()
+    np.testing.assert_array_equal(truth_of(session).xp["nomad"], here)
+    session.apply(SetParam(f"{DRIVER}.forward", 0.5))
+    session.advance()
+    moved = truth_of(session).xp["nomad"]
+    assert np.linalg.norm(moved[:2] - here[:2]) > 0.02
+    # The command log replays it, and undo gives the wheel back.
+    session.apply(Transport("back"))
+    session.advance()
+    np.testing.assert_array_equal(truth_of(session).xp["nomad"], moved)
+    session.apply(Undo())
+    session.apply(Undo())
+    session.advance()
+    assert session.running.source == build("nomad").source
+
+
+def test_waypoints_are_edited_live() -> None:
+    session = Session(build("nomad"))
+    session.apply(SetParam(f"{DRIVER}.points", [[0.0, 0.0]]))
+    for _ in range(250):
+        session.advance()
+    assert np.linalg.norm(truth_of(session).xp["nomad"][:2]) < 0.5
+    text = toml_io.dumps(session.settings.experiment)
+    assert "points_m = [[0.0, 0.0]]" in text
+
+
+def test_another_world_begins_with_a_reset() -> None:
+    session = Session(build("nomad"))
+    session.advance()
+    before = truth_of(session).points
+    session.apply(SwapModel(WORLD, "random plane"))
+    session.apply(SetParam(f"{WORLD}.count", 17))
+    session.advance()
+    np.testing.assert_array_equal(truth_of(session).points, before)
+    session.apply(Transport("reset"))
+    session.advance()
+    assert truth_of(session).points.shape == (17, 2)
+    session.apply(ResetParams())
+    session.apply(Transport("reset"))
+    session.advance()
+    np.testing.assert_array_equal(truth_of(session).points, before)
+
+
+def test_a_world_from_a_file_and_a_file_that_is_wrong(tmp_path: Path) -> None:
+    session = Session(build("nomad"))
+    session.advance()
+    session.apply(SwapModel(WORLD, "world file"))
+    with pytest.raises(ParamError, match=r"nowhere\.toml can not be opened"):
+        session.apply(SetParam(f"{WORLD}.path", "nowhere.toml"))
+    file = tmp_path / "my.toml"
+    file.write_text("points = [[3.0, 0.5], [2.0, -1.0]]")
+    session.apply(SetParam(f"{WORLD}.path", str(file)))
+    session.advance()
+    session.apply(Transport("reset"))
+    session.advance()
+    np.testing.assert_array_equal(truth_of(session).points, [[3.0, 0.5], [2.0, -1.0]])
+    read = toml_io.loads(toml_io.dumps(session.settings.experiment))
+    assert read == session.settings.experiment
+    file.unlink()
+    with pytest.raises(ParamError, match=r"my\.toml can not be opened"):
+        toml_io.loads(toml_io.dumps(read))
+
+
+@pytest.mark.parametrize(
+    ("preset", "role", "name", "words"),
+    [
+        ("nomad", DRIVER, "hand held", "'hand held' can not drive 'planar nomad': .*'vx'"),
+        ("cloister", "source.robots.robot.driver", "shuttle", "sets the speed v"),
+        ("gyro", WORLD, "house", "given landmarks of the world 'cloister' at the start"),
+        ("nomad", WORLD, "house", "no 'house' for source.world: choose .*field"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(preset: str, role: str, name: str, words: str) -> None:
+    session = Session(build(preset))
+    with pytest.raises(ParamError, match=words):
+        session.apply(SwapModel(role, name))
+    assert params.get(session.settings.experiment, role) == params.get(build(preset), role)
+
+
+def test_a_scene_with_y_up_is_driven_along_its_own_axes() -> None:
+    session = Session(build("nomad"))
+    session.apply(SwapModel(DRIVER, "manual"))
+    driver = params.get(session.settings.experiment, DRIVER)
+    assert driver.axes == "z forward, x left, y up"
