@@ -25,6 +25,7 @@ from scene_core.session.config import (
     RobotSettings,
 )
 from scene_core.sources.vision import load_patch
+from scene_core.sources.worlds import SimulatedWorld
 
 ROTATION = ("rx", "ry", "rz")
 
@@ -65,7 +66,8 @@ def initial_world(experiment: Experiment) -> World:
         if mount.calib_sd:
             cov = _diagonal(f"{at}.calib_sd", sensor.calib_labels, mount.calib_sd)
             add(mounts[i].calib_block, sensor.calib0, cov)
-    for label, known in enumerate(settings.known, 1):
+    given = known_features(experiment)
+    for label, known in enumerate(given, 1):
         position = _known_position(settings, label, known)
         add(f"feature:{label}", position, np.eye(len(position)) * known.sd**2)
 
@@ -86,9 +88,9 @@ def initial_world(experiment: Experiment) -> World:
         features={},
         policies=settings.policies,
         up=settings.up,
-        next_label=len(settings.known) + 1,
+        next_label=len(given) + 1,
     )
-    return _with_known(world, experiment)
+    return _with_known(world, experiment, given)
 
 
 def start_state(at: str, robot: RobotSettings) -> tuple[Vec, Mat]:
@@ -221,8 +223,16 @@ def _known_position(settings: EstimatorSettings, label: int, known: KnownFeature
     return position
 
 
-def _with_known(world: World, experiment: Experiment) -> World:
-    known = experiment.estimator.known
+def known_features(experiment: Experiment) -> tuple[KnownFeature, ...]:
+    """The landmarks that are given at the start: by the settings, and by the file of a simulated
+    world."""
+    world = getattr(experiment.source, "world", None)
+    told = world.known() if isinstance(world, SimulatedWorld) else ()
+    by_file = (KnownFeature(one.position, one.id, one.sd) for one in told)
+    return (*experiment.estimator.known, *by_file)
+
+
+def _with_known(world: World, experiment: Experiment, known: tuple[KnownFeature, ...]) -> World:
     if not known:
         return world
     if not world.mounts:

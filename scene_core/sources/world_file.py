@@ -14,7 +14,7 @@ import numpy as np
 from scene_core.arrays import Mat, Vec, frozen
 from scene_core.geometry.spaces import ONE_D, THREE_D, TWO_D, Space
 from scene_core.params import ParamError, param
-from scene_core.sources.worlds import SimulatedWorld
+from scene_core.sources.worlds import KnownPoint, SimulatedWorld
 
 KEYS = ("points", "ids", "segments", "known", "sd")
 SPACES: Mapping[int, Space] = {space.d: space for space in (ONE_D, TWO_D, THREE_D)}
@@ -25,16 +25,6 @@ MOST = 20000
 LARGEST = 16_000_000
 """Bytes of a file."""
 EXAMPLE = "points = [[1.0, 2.0, 0.5], [3.0, 0.0, 1.0]]"
-
-
-class KnownPoint(NamedTuple):
-    """A landmark the estimator is given at the start."""
-
-    id: int
-    position: tuple[float, ...]
-    """m."""
-    sd: float
-    """m."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +65,6 @@ class WorldFile(SimulatedWorld):
         return self._read().segments
 
     def known(self) -> tuple[KnownPoint, ...]:
-        """What the file says the estimator knows."""
         return self._read().known
 
     def version(self) -> Hashable:

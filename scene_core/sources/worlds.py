@@ -52,9 +52,23 @@ class SimulatedWorld(ABC):
         """The ground below places (..., 2) in m of a z-up world; None: it has none."""
         return None
 
+    def known(self) -> tuple[KnownPoint, ...]:
+        """Landmarks the estimator is given at the start; none unless overridden."""
+        return ()
+
     def version(self) -> Hashable:
         """What tells that the landmarks of an equal world are still the same."""
         return None
+
+
+class KnownPoint(NamedTuple):
+    """A landmark the estimator is given at the start."""
+
+    id: int
+    position: tuple[float, ...]
+    """m."""
+    sd: float
+    """m."""
 
 
 class Lines(NamedTuple):

@@ -15,6 +15,7 @@ from scene_core.session.commands import ResetParams, SetParam, SwapModel, Transp
 from scene_core.session.presets import build
 from scene_core.session.roles import role_options
 from scene_core.session.session import Session
+from scene_core.sources.world_file import WorldFile
 
 DRIVER = "source.robots.nomad.driver"
 WORLD = "source.world"
@@ -102,6 +103,24 @@ def test_a_world_from_a_file_and_a_file_that_is_wrong(tmp_path: Path) -> None:
     file.unlink()
     with pytest.raises(ParamError, match=r"my\.toml can not be opened"):
         toml_io.loads(toml_io.dumps(read))
+
+
+def test_landmarks_a_file_calls_known_are_given_to_the_estimator(tmp_path: Path) -> None:
+    file = tmp_path / "my.toml"
+    file.write_text(
+        "points = [[4.0, 1.0], [2.0, 4.0], [4.0, 3.0]]\nids = [5, 8, 9]\nknown = [8, 9]\nsd = 0.02"
+    )
+    base = build("nomad")
+    session = Session(params.put(base, WORLD, WorldFile(str(file))))
+    features = session.world.features
+    assert [f.appearance for f in features.values()] == [8, 9]
+    assert all(f.known for f in features.values())
+    np.testing.assert_array_equal(session.world.gauss.mean("feature:2"), [4.0, 3.0])
+    np.testing.assert_allclose(session.world.gauss.cov("feature:1"), 0.02**2 * np.eye(2))
+    for _ in range(40):
+        session.advance()
+    labels = {f.appearance: f for f in session.world.features.values()}
+    assert labels[8].updates + labels[9].updates > 10 and len(labels) == 3
 
 
 @pytest.mark.parametrize(
