@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+import time
 from collections import defaultdict
 from typing import Any
 
@@ -12,20 +13,29 @@ from scene_core import params
 from scene_core.params import Spec, rows_text
 from scene_core.session.commands import Redo, ResetParams, SetParam, Undo
 from scene_core.session.config import Experiment
+from scene_core.session.estimated import Estimable, estimables
 from scene_core.session.published import Published
 from scene_core.session.toml_io import dumps
 from web_panels import style
+from web_panels.estimate_this import EstimateThis
 from web_panels.panel import Page, Post
 from web_panels.style import escape, number, shown
 from web_panels.widgets import Field, Group, on_press
 
 MAX_CHANGES = 12
+LIVE_S = 0.2
+"""Between two readings of what changes with every frame."""
 
 
 def folder_title(path: str) -> str:
     """estimator.robots.cam.motion.sd_accel is in "Cam motion"."""
     words = [w for w in path.split(".")[:-1] if w not in ("robots", "mounts", "policies")]
     return " ".join(words[1:]).replace("_", " ").capitalize() or "General"
+
+
+def owner_of(path: str) -> str:
+    """estimator.robots.cam of estimator.robots.cam.motion.sd_accel."""
+    return ".".join(path.split(".")[:3])
 
 
 def by_folder(specs: list[Spec]) -> dict[str, list[Spec]]:
@@ -94,7 +104,7 @@ class _Parameters:
         self.group = Group()
         self.fields: dict[str, Field] = {}
         self.box: viser.GuiFolderHandle | None = None
-        self.shape: object = None
+        self.shape: tuple[Any, ...] | None = None
         self.drawn: tuple[object, ...] = ()
 
     def build(self, server: viser.ViserServer, post: Post) -> None:
@@ -118,18 +128,26 @@ class _Parameters:
         content = dumps(now, p.base).encode()
         client.send_file_download(f"{now.name}.toml", content, save_immediately=True)
 
-    def _rebuild(self, specs: list[Spec]) -> None:
+    def _rebuild(self, p: Published, specs: list[Spec]) -> None:
         if self.box is not None:
             self.box.remove()
         self.group.forget()
         self.fields = {}
         with self.place:
             self.box = self.gui.add_folder(None)
-        for title, members in by_folder(specs).items():
+        folders = by_folder(specs)
+        last = {owner_of(members[0].path): title for title, members in folders.items()}
+        for title, members in folders.items():
             with self.box, self.gui.add_folder(title):
                 for spec in members:
                     send = self._sender(spec.path)
                     self.fields[spec.path] = Field(self.gui, self.group, spec, send)
+            owner = owner_of(members[0].path)
+            if last[owner] == title:
+                with self.box:
+                    self._add_more(p, owner)
+        with self.box:
+            self._add_more(p, "")
         text = (
             "Hover a name for its help and when it takes effect." if specs else escape(self.empty)
         )
@@ -138,20 +156,36 @@ class _Parameters:
     def _sender(self, path: str) -> Any:
         return lambda value: self.post(SetParam(path, value))
 
+    def _more(self, p: Published) -> tuple[Estimable, ...]:
+        """What there is besides parameters."""
+        return ()
+
+    def _add_more(self, p: Published, owner: str) -> None:
+        """Inputs besides the parameters of an owner; "": of all whose turn did not come."""
+
+    def _show_more(self, p: Published) -> None:
+        """What is in force of them."""
+
+    def live(self, p: Published) -> None:
+        """What changes with every frame."""
+
     def render(self, p: Published) -> None:
         self.latest = p
+        self.live(p)
         now = p.pending or p.experiment
         state = (p.run, now, p.base, p.can_undo, p.can_redo)
         if len(self.drawn) == len(state) and all(map(operator.is_, state, self.drawn)):
             return
         specs = params.schema(getattr(now, self.branch), self.branch)
-        shape = (p.run, [(s.path, s.choices, type(s.value)) for s in specs])
+        more = [(e.path, e.labels) for e in self._more(p)]
+        shape = (p.run, [(s.path, s.choices, type(s.value)) for s in specs], more)
         if shape != self.shape:
-            self._rebuild(specs)
+            self._rebuild(p, specs)
             self.shape = shape
         self.card.content = style.block(changes_card(now, p.base), "padding-bottom:8px")
         for spec in specs:
             self.fields[spec.path].show(spec.value)
+        self._show_more(p)
         self.undo.disabled = not p.can_undo
         self.redo.disabled = not p.can_redo
         self.reset.disabled = not changes(now, p.base)
@@ -163,6 +197,38 @@ class EstimatorParameters(_Parameters):
 
     branch = "estimator"
     empty = "This estimator has no parameters."
+
+    def __init__(self, page: Page) -> None:
+        super().__init__(page)
+        self.ticks: dict[str, EstimateThis] = {}
+        self._lived = 0.0
+
+    def _more(self, p: Published) -> tuple[Estimable, ...]:
+        return estimables((p.pending or p.experiment).estimator)
+
+    def _rebuild(self, p: Published, specs: list[Spec]) -> None:
+        self.ticks = {}
+        super()._rebuild(p, specs)
+
+    def _add_more(self, p: Published, owner: str) -> None:
+        for e in self._more(p):
+            if e.path not in self.ticks and owner in ("", owner_of(e.path)):
+                self.ticks[e.path] = EstimateThis(
+                    self.gui, self.group, e, p.base.estimator, self.post
+                )
+
+    def _show_more(self, p: Published) -> None:
+        for e in self._more(p):
+            self.ticks[e.path].show(e)
+
+    def live(self, p: Published) -> None:
+        now = time.monotonic()
+        if p.trace is None or now - self._lived < LIVE_S:
+            return
+        self._lived = now
+        for e in estimables(p.experiment.estimator):
+            if e.path in self.ticks and self.shape is not None and p.run == self.shape[0]:
+                self.ticks[e.path].live(p.trace.world, e)
 
 
 class TruthParameters(_Parameters):

@@ -21,6 +21,9 @@ from web_panels.style import shown
 SETTLE_S = 0.2
 """After the last event of a group its inputs show what is in force; until then hands off."""
 
+TYPING_S = 4.0
+"""The same for texts: half a number is no reason to take away what is being typed."""
+
 MOST_STEPS = 1000
 """A slider over a wider range than this could not be aimed at."""
 
@@ -56,6 +59,7 @@ class Bound:
     def __init__(self, handle: Any, group: Group, send: Send) -> None:
         self.handle, self._touched = handle, -math.inf
         self._in_force = handle.value
+        self._patience = TYPING_S if isinstance(handle, viser.GuiTextHandle) else SETTLE_S
         group.inputs.append(self)
 
         async def moved(event: viser.GuiEvent) -> None:
@@ -63,6 +67,8 @@ class Bound:
                 return
             self._touched = time.monotonic()
             group.settle()
+            if self._patience > SETTLE_S:
+                asyncio.get_running_loop().call_later(self._patience, self.settle)
             send(event.target.value)
 
         handle.on_update(moved)
@@ -70,13 +76,18 @@ class Bound:
     def show(self, value: Any) -> None:
         """Show what is in force; not while somebody is moving the widget, but then soon after."""
         self._in_force = value
-        if time.monotonic() - self._touched > SETTLE_S:
+        if self._is_quiet():
             self._write()
 
     def settle(self) -> None:
         """Show what is in force to every browser, whatever it believes."""
-        self._write()
-        viser_hooks.repeat(self.handle)
+        if self._patience == SETTLE_S or self._is_quiet():
+            self._write()
+            viser_hooks.repeat(self.handle)
+
+    def _is_quiet(self) -> bool:
+        """Whether nobody has been at the widget for a while."""
+        return time.monotonic() - self._touched >= self._patience
 
     def _write(self) -> None:
         if self.handle.value != self._in_force:
@@ -128,6 +139,23 @@ def rounded(value: float, digits: int = 4) -> float:
     return float(f"{value:.{digits}g}")
 
 
+def rounded_down(value: float) -> float:
+    """The next round number below: a slider's end that is still inside the limits."""
+    near = rounded(value)
+    return (
+        near if near <= value else rounded(value - 10.0 ** (math.floor(math.log10(abs(value))) - 3))
+    )
+
+
+def typed(value: Any, scale: float) -> Any:
+    """Numbers of a vector input or typed as a text, in SI units; a text that is not one row of
+    numbers stays what it is, to be refused."""
+    if not isinstance(value, str):
+        return tuple(float(v) / scale for v in value)
+    rows = rows_typed(value, scale)
+    return tuple(rows[0]) if not isinstance(rows, str) and len(rows) == 1 else value
+
+
 def title(label: str) -> str:
     """A label with a capital, unless it begins with a symbol."""
     first = label.split()[0]
@@ -156,7 +184,7 @@ class Field:
         if self.spec.rows:
             return rows_typed(value, self.scale)
         if isinstance(self.spec.value, tuple):
-            return tuple(float(v) / self.scale for v in value)
+            return typed(value, self.scale)
         if isinstance(self.spec.value, float):
             return float(value) / self.scale
         return value
@@ -181,8 +209,8 @@ class Field:
             narrow = spec.lo is not None and spec.hi is not None and hi - lo <= MOST_STEPS
             return (lo, hi) if narrow else None
         low, high = (rounded(b * self.scale, 3) for b in spec.soft)
-        low = low if lo is None else max(low, lo)
-        return low, high if hi is None else min(high, hi)
+        low = low if lo is None else max(low, -rounded_down(-lo))
+        return low, high if hi is None else min(high, rounded_down(hi))
 
     def _number(
         self, gui: viser.GuiApi, label: str, value: Any, lo: Any, hi: Any, help_text: str
@@ -208,12 +236,11 @@ class Field:
             return gui.add_vector2(label, value, min=low, max=high, hint=help_text)  # type: ignore
         if n == 3:
             return gui.add_vector3(label, value, min=low, max=high, hint=help_text)  # type: ignore
-        text = ", ".join(f"{v:g}" for v in value)
-        return gui.add_text(label, text, disabled=True, hint=f"{help_text} Edit it in a file.")
+        return gui.add_text(label, rows_text((value,)), hint=f"{n} numbers. {help_text}")
 
     def show(self, value: Any) -> None:
         """Show the value in force (SI)."""
         if isinstance(value, tuple) and len(value) not in (2, 3) and not self.spec.rows:
-            self.bound.show(", ".join(f"{v * self.scale:g}" for v in value))
+            self.bound.show(rows_text((self._to_page(value),)))
         else:
             self.bound.show(self._to_page(value))

@@ -16,7 +16,16 @@ from scene_core.params import param
 from tests.web.raw_client import raw_client
 from tests.web.test_gate import free_port, wait
 from web_panels import gate
-from web_panels.widgets import SETTLE_S, Field, Group, nice_step, rounded, title
+from web_panels.widgets import (
+    SETTLE_S,
+    Field,
+    Group,
+    nice_step,
+    rounded,
+    rounded_down,
+    title,
+    typed,
+)
 
 
 @dataclass(frozen=True)
@@ -98,6 +107,25 @@ def test_angles_are_in_degrees(fields: Fields) -> None:
     assert (slider.min, slider.max, slider.value) == (0.0, 90.0, 30.0)
 
 
+def test_a_sliders_end_is_a_round_number_inside_the_limits() -> None:
+    for value in (3.2 * 57.29577951308232, 11.45915, -0.123456, 2.0, 0.0):
+        assert value - 1e-3 * abs(value) <= rounded_down(value) <= value
+        assert len(f"{abs(rounded_down(value)):g}") <= 6
+
+
+def test_many_numbers_are_shown_as_they_are_typed(fields: Fields) -> None:
+    field = fields[0]["many"]
+    assert field.bound.handle.value == "0.1, 0.2, 0.3, 0.4" and not field.bound.handle.disabled
+    field.show((0.1, 0.2, 0.3, 0.5))
+    assert field.bound.handle.value == "0.1, 0.2, 0.3, 0.5"
+
+
+@pytest.mark.parametrize("text", ["1, 2, three, 4", "1, 2, 3", "1, 2; 3, 4", "", "nan, 1, 2, 3"])
+def test_a_text_that_is_not_those_numbers_is_refused(text: str) -> None:
+    with pytest.raises(params.ParamError, match="many"):
+        params.replace(Example(), "many", typed(text, 1.0))
+
+
 def test_the_hint_says_what_where_and_when(fields: Fields) -> None:
     hint = fields[0]["sd"].bound.handle.hint
     assert hint == "How noisy it is. Range 0 to 10 m. Takes effect: next frame."
@@ -113,6 +141,7 @@ def test_the_hint_says_what_where_and_when(fields: Fields) -> None:
         ("on", False, False),
         ("kind", "b", "b"),
         ("at", (0.0, 2.0, 3.0), (0.0, 2.0, 3.0)),
+        ("many", "1, 2,3 , -4e-1", (1.0, 2.0, 3.0, -0.4)),
         ("name", "y", "y"),
     ],
 )
