@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,11 @@ import pytest
 from scene_core import params
 from scene_core.geometry.spaces import ONE_D, THREE_D, TWO_D
 from scene_core.params import ParamError
+from scene_core.session.polymorphic import variants
+from scene_core.sources.drivers import Driver
 from scene_core.sources.simulated import Simulation
 from scene_core.sources.world_file import WorldFile
-from scene_core.sources.worlds import landmarks, lines
+from scene_core.sources.worlds import SimulatedWorld, landmarks, lines
 
 GOOD = """
 points = [[1, 2.5, 0.5], [3.0, 0.0, 1.0]]
@@ -123,3 +126,14 @@ def test_a_bad_path_leaves_the_world_as_it_was(tmp_path: Path) -> None:
     with pytest.raises(ParamError, match="can not be opened"):
         params.replace(simulation, "world.path", "nowhere.toml")
     assert len(landmarks(simulation.world)[0]) == 2
+
+
+def test_the_page_about_worlds_names_all_of_them_and_its_file_can_be_read(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "worlds.md").read_text(encoding="utf-8")
+    for base in (SimulatedWorld, Driver):
+        found = variants(base)
+        assert found is not None
+        assert [name for name in found[1] if f"| `{name}` |" not in page] == []
+    (example,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    world = WorldFile(written(tmp_path, example))
+    assert len(landmarks(world)[0]) == 2 and len(lines(world).ids) == 1 and len(world.known()) == 1
