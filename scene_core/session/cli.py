@@ -58,6 +58,12 @@ class SourceOptions:
     """Which robot of --mrclam, 1 to 5."""
     mrpt: str = ""
     """A log of MRPT's kf-slam demonstrations as text, or the folder of the planar one."""
+    planar_mono: str = ""
+    """Folder of the course project 'Planar Monocular SLAM'."""
+    starry_night: str = ""
+    """The file dataset3.mat of Starry Night."""
+    tagbox: str = ""
+    """Folder of a camera round a box of AprilTags."""
     seed: int | None = None
     """Another seed: other noise, or other places where corners are looked for."""
     set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()

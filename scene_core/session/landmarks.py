@@ -14,7 +14,7 @@ from scene_core.session.alignment import Similarity
 def landmark_errors(
     world: World, truth: Truth | None, space: Space, by: Similarity | None = None
 ) -> Vec:
-    """Distances [m] of the features with a true place and a finite one, in the order of the map.
+    """Distances [m] of the features in their final parametrisation that have a true place.
 
     `by` brings the map into the axes of the truth, as it does the positions of a robot in `space`.
     Features given at the start are left out.
@@ -28,9 +28,10 @@ def landmark_errors(
         k = row.get(feature.appearance) if isinstance(feature.appearance, int) else None
         if k is None or feature.known or feature.model.space.d != d:
             continue
-        if feature.model.shape != "point" or feature.model.free_labels:
+        if feature.model.shape != "point" or feature.model.successor() is not None:
             continue
         X = feature.model.primitive(world.gauss.mean(feature.block)[None]).X[0]
+        # A homogeneous point may still lie at infinity.
         if X[d] > 0.0:
             place = _aligned(X[:d] / X[d], space, world.up, by)
             errors.append(np.linalg.norm(place - truth.points[k]))

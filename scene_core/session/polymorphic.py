@@ -21,6 +21,9 @@ SOURCES: Mapping[str, tuple[str, str]] = MappingProxyType(
         "images": ("scene_core.sources.images", "ImageSequence"),
         "mrclam": ("scene_core.sources.datasets", "Mrclam"),
         "mrpt": ("scene_core.sources.mrpt", "Mrpt"),
+        "planar mono": ("scene_core.sources.planar_mono", "PlanarMono"),
+        "starry night": ("scene_core.sources.starry_night", "StarryNight"),
+        "tag box": ("scene_core.sources.tagbox", "Tagbox"),
     }
 )
 """Module and class by the word a settings file uses."""

@@ -1,6 +1,7 @@
 """The scenarios: complete experiments, each with one sentence about what to look at.
 
-Those that play somebody's files are in `presets_recordings`; its names can be taken from here.
+Those that play somebody's files are in `presets_recordings` and `presets_identified`; `images`,
+`mrclam` and RECORDINGS can be taken from here.
 """
 
 from __future__ import annotations
@@ -33,8 +34,9 @@ from scene_core.session.config import (
     MountSettings,
     RobotSettings,
 )
-from scene_core.session.presets_recordings import ALL, NEEDS
-from scene_core.session.presets_recordings import RECORDINGS as RECORDINGS
+from scene_core.session.presets_identified import ALL
+from scene_core.session.presets_identified import RECORDINGS as RECORDINGS
+from scene_core.session.presets_recordings import NEEDS
 from scene_core.session.presets_recordings import images as images
 from scene_core.session.presets_recordings import mrclam as mrclam
 from scene_core.sources.drivers import ConstantControls, Shuttle, Waypoints

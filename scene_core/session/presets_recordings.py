@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 from scene_core import params
-from scene_core.filter.policies import Association, Management, Policies, Selection
+from scene_core.filter.policies import (
+    Association,
+    Management,
+    Policies,
+    Selection,
+)
 from scene_core.geometry.spaces import TWO_D
-from scene_core.models.base import FeatureModel
 from scene_core.models.features.inverse_depth import InverseDepth
 from scene_core.models.features.point_2d import Point2D
-from scene_core.models.features.point_3d import EuclideanPoint
 from scene_core.models.motion.impulse import Impulse
-from scene_core.models.motion.increments_2d import PlanarIncrements
-from scene_core.models.motion.odometry_3d import Odometry3D
 from scene_core.models.motion.unicycle import PlanarUnicycle
 from scene_core.models.sensors.range_bearing import RangeBearing
-from scene_core.models.sensors.range_bearing_3d import RangeBearingElevation
 from scene_core.params import ParamError
+from scene_core.session import presets_identified as identified
 from scene_core.session.alignment import Alignment
 from scene_core.session.config import (
     EstimatorSettings,
@@ -29,26 +29,22 @@ from scene_core.session.config import (
     MountSettings,
     RobotSettings,
 )
+from scene_core.session.presets_identified import ALL
 from scene_core.sources.calibration import Calibration, load_calibration
 from scene_core.sources.datasets import Mrclam
 from scene_core.sources.images import ImageSequence, video_frame_rate
-from scene_core.sources.mrpt import Mrpt, find_log
-
-ALL = 500
-"""A number of features that stands for: as many as there are."""
 
 ABOUT: Mapping[str, str] = {
     "images": "A hand-held camera's recording: features are found, matched and forgotten in real "
     "images.",
     "mrclam": "A real robot's log with identified landmarks: dead reckoning is corrected, the true "
     "path lies beside the estimate.",
-    "mrpt": "MRPT's own EKF-SLAM demonstration, in the plane or in space: watch ellipses of 4 cm "
-    "shrink to millimetres round the true landmarks.",
+    **identified.ABOUT,
 }
 NEEDS: Mapping[str, str] = {
     "images": "--images DIR|FILE --calib FILE",
     "mrclam": "--mrclam DIR",
-    "mrpt": "--mrpt DIR|FILE",
+    **identified.NEEDS,
 }
 """The flags that name the files of a scenario."""
 
@@ -148,69 +144,3 @@ def mrclam(path: str, robot: int = 2) -> Experiment:
         source=source,
         align="se2",
     )
-
-
-def _mapping(landmark: FeatureModel, budget: int = ALL, most: int = ALL) -> Policies:
-    """Identified landmarks are all mapped and all measured, and a search in vain means nothing."""
-    return Policies(
-        landmark=landmark,
-        selection=Selection(budget=budget),
-        association=Association("identity"),
-        management=Management(
-            keep_visible=ALL,
-            max_new=100,
-            max_new_first=200,
-            max_features=most,
-            min_match_ratio=0.0,
-            min_accept_ratio=0.0,
-        ),
-    )
-
-
-def mrpt(path: str) -> Experiment:
-    """A log of MRPT's kf-slam demonstration, in the plane or in space.
-
-    The sensor's noise and reach are those in the log's first line; that of the odometry is what
-    the increments differ from the true path: 4 cm and .01 degrees in the plane, 6 cm and .1 degrees
-    in space, per step. As in MRPT, nothing is aligned: both start at the origin.
-    """
-    source = Mrpt(path=find_log(path))
-    told, own_axes = source.header, (0.0, 0.0, 0.0)
-    common = {
-        "sd_range": told["std_range"],
-        "reach_min": 0.01,
-        "reach_max": 1.1 * told["max_range"],
-    }
-    # The last sighting at the edge may be expected outside.
-    field = min(1.1 * told["fov_yaw"], 2.0 * math.pi)
-    if source.is_planar:
-        motion = PlanarIncrements(sd_ahead=0.04, sd_across=0.04, sd_turn=math.radians(0.01))
-        sensor = RangeBearing(**common, sd_bearing=told["std_yaw"], field_of_view=field)
-        landmark = Point2D()
-    else:
-        motion = Odometry3D(sd_position=0.06, sd_angle=math.radians(0.1))
-        sensor = RangeBearingElevation(
-            **common,
-            sd_azimuth=told["std_yaw"],
-            sd_elevation=told["std_pitch"],
-            field_of_view=field,
-            elevation_max=min(0.55 * told["fov_pitch"], 1.5),
-        )
-        landmark, own_axes = EuclideanPoint(), (*own_axes, 1.0, 0.0, 0.0, 0.0)
-    return Experiment(
-        name="mrpt",
-        about=ABOUT["mrpt"],
-        estimator=EstimatorSettings(
-            robots={source.robot: RobotSettings(motion, {})},
-            mounts={source.mount: MountSettings(sensor, source.robot, own_axes)},
-            policies=_mapping(landmark),
-            up="z",
-        ),
-        source=source,
-    )
-
-
-RECORDINGS: Mapping[str, Callable[[str], Experiment]] = {
-    "mrpt": mrpt,
-}
-"""Scenarios that need one path, given by the flag of the same name."""

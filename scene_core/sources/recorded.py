@@ -157,3 +157,10 @@ def needed(path: Path, what: str) -> Path:
     if not path.exists():
         raise SourceError(f"{path} is missing: {what}")
     return path
+
+
+def folder(path: str, what: str) -> Path:
+    """The path of a folder. Raises SourceError unless it is one."""
+    if not Path(path).is_dir():
+        raise SourceError(f"there is no folder {path}: {what}")
+    return Path(path)

@@ -33,18 +33,20 @@ class Reference:
         return self.poses[near] if abs(self.at[near] - at) <= within else None
 
 
-def load_reference(path: str) -> Reference:
-    """Read lines `frame x y z qx qy qz qw` (or with a time first); `#` starts a comment.
+def load_reference(path: str, more: str = "") -> Reference:
+    """Read lines `frame x y z qx qy qz qw` (or with a time first); `#` starts a comment. `more`
+    names further columns, which are not used.
 
     Raises SourceError with file and line where a line is not eight numbers, the first column does
     not grow, or a quaternion is not of unit length to 1 %.
     """
-    return _load(path, fingerprint(path))
+    return _load(path, more, fingerprint(path))
 
 
 @lru_cache(maxsize=8)
-def _load(path: str, _: tuple) -> Reference:
-    rows, lines = read_numbers(Path(path), 8, "frame x y z qx qy qz qw")
+def _load(path: str, more: str, _: tuple) -> Reference:
+    columns = 8 + len(more.split())
+    rows, lines = read_numbers(Path(path), columns, f"frame x y z qx qy qz qw {more}".rstrip())
     at, q = rows[:, 0], rows[:, [7, 4, 5, 6]]
     length = np.linalg.norm(q, axis=1)
     for k in range(len(rows)):
