@@ -26,12 +26,9 @@ from scene_core.filter.ports import (
     Query,
     Raw,
     SourceError,
-    Truth,
 )
-from scene_core.geometry import quaternion
 from scene_core.geometry.spaces import embed
 from scene_core.models.base import Sensor
-from scene_core.models.labels import bare, quaternions
 from scene_core.params import param
 from scene_core.sources import noise, pictures, points, segments
 from scene_core.sources.identified import Outlook
@@ -45,6 +42,7 @@ from scene_core.sources.truth import (
     TrueInstrument,
     TrueMount,
     TrueRobot,
+    told,
 )
 from scene_core.sources.worlds import SimulatedWorld, in_axes, landmarks, lines
 
@@ -78,7 +76,10 @@ class Simulation:
 
     def start(self) -> SimulationState:
         self._check()
-        xv = {i: frozen(self._start(i, robot)) for i, robot in self.robots.items()}
+        xv = {
+            i: frozen(self._settled(robot, robot.drawn(i, self.dt, self.seed)))
+            for i, robot in self.robots.items()
+        }
         memory = {i: robot.driver.memory0() for i, robot in self.robots.items()}
         return SimulationState(xv, memory, xv)
 
@@ -98,7 +99,7 @@ class Simulation:
             controls=controls,
             raw=raw,
             internal={i: self._felt(i, state, index) for i in self.instruments},
-            truth=self._truth(state),
+            truth=told(self.world, self.up, self.robots, self.mounts, state.xv),
         )
         return frame, state
 
@@ -189,11 +190,6 @@ class Simulation:
         shortest = self.mounts[mount].shortest
         return LineOutlook(self.world, self.up, *self._camera(mount, xv), shortest)
 
-    def true_calib(self, mount: str) -> Vec:
-        """True calibration of a sensor."""
-        m = self.mounts[mount]
-        return _calibrated(m.sensor.calib_labels, m.sensor.calib0, m.calib)
-
     def true_states(self, frame: Frame) -> Mapping[str, Vec]:
         """States xv of the true robots in a frame, from its truth."""
         labels = frame.truth.labels if frame.truth else {}
@@ -202,29 +198,10 @@ class Simulation:
             for i, robot in self.robots.items()
         }
 
-    def _start(self, name: str, robot: TrueRobot) -> Vec:
-        motion = robot.motion
-        by_label = {**robot.driver.start(motion, self.dt), **robot.start}
-        labels = motion.state_labels
-        xv = np.array([by_label.get(s, 1.0 if bare(s) == "qw" else 0.0) for s in labels])
-        xv = motion.normalise(xv).value
-        rng = noise.rng(self.seed, f"start:{name}")
-        for at, label in enumerate(labels):
-            xv[at] += robot.start_sd.get(label, 0.0) * rng.standard_normal()
-        for prefix, rows in quaternions(labels).items():
-            sds = [robot.start_sd.get(f"{prefix}r{axis}", 0.0) for axis in "xyz"]
-            turn = np.array([sd * rng.standard_normal() for sd in sds])
-            step = quaternion.from_rotation_vector(turn)[0]
-            xv[rows] = quaternion.product(xv[rows], step)
-        return self._settled(robot, xv)
-
     def _settled(self, robot: TrueRobot, xv: Vec) -> Vec:
         """A true state on its constraint, and on the ground where the robot is kept there."""
         xv = robot.motion.normalise(xv).value
         return on_ground(self.world, self.up, robot.motion, xv) if robot.on_ground else xv
-
-    def _robot_calib(self, robot: TrueRobot) -> Vec:
-        return _calibrated(robot.motion.calib_labels, robot.motion.calib0, robot.calib)
 
     def _moved(
         self, state: SimulationState, index: int
@@ -232,7 +209,7 @@ class Simulation:
         """The state after the interval before frame `index`, and the controls as reported."""
         xv, memory, controls = {}, {}, {}
         for i, robot in self.robots.items():
-            motion, k, at = robot.motion, self._robot_calib(robot), state.xv[i]
+            motion, k, at = robot.motion, robot.true_calib(), state.xv[i]
             drive = robot.driver.drive(motion, at, state.memory[i], index, self.dt, self.seed)
             u = drive.u
             if drive.push is not None:
@@ -276,7 +253,8 @@ class Simulation:
 
     def _camera(self, mount: str, xv: Mapping[str, Vec]) -> tuple[Sensor, Vec, Vec]:
         """A sensor, its true calibration and its true pose."""
-        return self.mounts[mount].sensor, self.true_calib(mount), self.true_pose(mount, xv)
+        m = self.mounts[mount]
+        return m.sensor, m.true_calib(), self.true_pose(mount, xv)
 
     def _measured(self, mount: str, state: SimulationState, index: int) -> Raw:
         sensor, calib, now = self._camera(mount, state.xv)
@@ -314,43 +292,6 @@ class Simulation:
             )
         needed = state.xv[instrument.robot][[labels.index(s) for s in instrument.model.needs]]
         return frozen(instrument.model.h_noisy(needed, noise.rng(self.seed, f"felt:{name}", index)))
-
-    def _truth(self, state: SimulationState) -> Truth:
-        xp, labels = {}, {}
-        for i, robot in self.robots.items():
-            motion, xv = robot.motion, state.xv[i]
-            xp[i] = frozen(motion.xp(xv).xp)
-            labels[f"robot:{i}"] = dict(zip(motion.state_labels, xv.tolist(), strict=True))
-            calib = self._robot_calib(robot).tolist()
-            labels[f"robot:{i}:calib"] = dict(zip(motion.calib_labels, calib, strict=True))
-        for i, mount in self.mounts.items():
-            labels[f"mount:{i}:pose"] = dict(
-                zip(mount.sensor.space.labels, mount.pose, strict=True)
-            )
-            calib = self.true_calib(i).tolist()
-            labels[f"mount:{i}:calib"] = dict(zip(mount.sensor.calib_labels, calib, strict=True))
-        ids, at = landmarks(self.world)
-        known = lines(self.world)
-        return Truth(
-            xp=xp,
-            labels=labels,
-            points=frozen(self._own_axes(at)),
-            ids=ids,
-            segments=frozen(self._own_axes(known.ends)),
-            segment_ids=known.ids,
-        )
-
-    def _own_axes(self, at: Vec) -> Vec:
-        """Places (..., d) in the axes of the simulation, of as many dimensions as they have."""
-        return in_axes(self.world, at, self.up) if self.world.space.d == 3 else at
-
-
-def _calibrated(labels: Sequence[str], nominal: Vec, true: Mapping[str, float]) -> Vec:
-    unknown = [s for s in true if s not in labels]
-    if unknown:
-        known = ", ".join(labels) or "nothing"
-        raise SourceError(f"there is no calibration '{unknown[0]}': it has {known}")
-    return np.array([true.get(s, k) for s, k in zip(labels, nominal, strict=True)], dtype=float)
 
 
 def _factor(P: Vec) -> Vec:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from scene_core.arrays import Mat, Vec
+from scene_core.arrays import Mat, Vec, frozen
+from scene_core.filter.ports import SourceError, Truth
+from scene_core.geometry import quaternion
 from scene_core.models.base import InternalMeasurementModel, MotionModel, Sensor
+from scene_core.models.labels import bare, quaternions
 from scene_core.params import param
+from scene_core.sources import noise
 from scene_core.sources.drivers import Driver
+from scene_core.sources.worlds import SimulatedWorld, in_axes, landmarks, lines
 
 
 @dataclass(frozen=True)
@@ -33,6 +38,26 @@ class TrueRobot:
     on_ground: bool = param(False, effect="on reset", label="On the ground")
     """After every motion it is put down on the world's ground and tilted to its slope, keeping its
     heading; in a world that has a ground (terrain), with a motion model in 3-D."""
+
+    def true_calib(self) -> Vec:
+        """True calibration (nk,)."""
+        return _calibrated(self.motion.calib_labels, self.motion.calib0, self.calib)
+
+    def drawn(self, name: str, dt: float, seed: int) -> Vec:
+        """The true state at the start of the robot of this name, normalised."""
+        motion, labels = self.motion, self.motion.state_labels
+        by_label = {**self.driver.start(motion, dt), **self.start}
+        xv = np.array([by_label.get(s, 1.0 if bare(s) == "qw" else 0.0) for s in labels])
+        xv = motion.normalise(xv).value
+        rng = noise.rng(seed, f"start:{name}")
+        for at, label in enumerate(labels):
+            xv[at] += self.start_sd.get(label, 0.0) * rng.standard_normal()
+        for prefix, rows in quaternions(labels).items():
+            sds = [self.start_sd.get(f"{prefix}r{axis}", 0.0) for axis in "xyz"]
+            turn = np.array([sd * rng.standard_normal() for sd in sds])
+            step = quaternion.from_rotation_vector(turn)[0]
+            xv[rows] = quaternion.product(xv[rows], step)
+        return motion.normalise(xv).value
 
 
 @dataclass(frozen=True)
@@ -56,6 +81,10 @@ class TrueMount:
         20.0, unit="px", lo=0.0, hi=1e4, soft=(0.0, 100.0), label="Shortest line"
     )
     """A camera measures a segment only when at least this much of it is in the image."""
+
+    def true_calib(self) -> Vec:
+        """True calibration (nk,)."""
+        return _calibrated(self.sensor.calib_labels, self.sensor.calib0, self.calib)
 
     def fires(self, index: int) -> bool:
         """Whether the sensor measures in a frame."""
@@ -114,3 +143,46 @@ class SimulationState:
     """What each robot's driver remembers."""
     before: Mapping[str, Vec]
     """True states one frame earlier: how far the sensors move during an exposure."""
+
+
+def told(
+    world: SimulatedWorld,
+    up: str,
+    robots: Mapping[str, TrueRobot],
+    mounts: Mapping[str, TrueMount],
+    xv: Mapping[str, Vec],
+) -> Truth:
+    """What is really so when the robots are at xv, for display and metrics."""
+    labels = {}
+    for i, robot in robots.items():
+        motion = robot.motion
+        labels[f"robot:{i}"] = _by_label(motion.state_labels, xv[i])
+        labels[f"robot:{i}:calib"] = _by_label(motion.calib_labels, robot.true_calib())
+    for i, mount in mounts.items():
+        sensor = mount.sensor
+        labels[f"mount:{i}:pose"] = dict(zip(sensor.space.labels, mount.pose, strict=True))
+        labels[f"mount:{i}:calib"] = _by_label(sensor.calib_labels, mount.true_calib())
+    ids, at = landmarks(world)
+    line_ids, ends = lines(world)
+    if world.space.d == 3:
+        at, ends = in_axes(world, at, up), in_axes(world, ends, up)
+    return Truth(
+        xp={i: frozen(robot.motion.xp(xv[i]).xp) for i, robot in robots.items()},
+        labels=labels,
+        points=frozen(at),
+        ids=ids,
+        segments=frozen(ends),
+        segment_ids=line_ids,
+    )
+
+
+def _by_label(labels: Sequence[str], values: Vec) -> dict[str, float]:
+    return dict(zip(labels, values.tolist(), strict=True))
+
+
+def _calibrated(labels: Sequence[str], nominal: Vec, true: Mapping[str, float]) -> Vec:
+    unknown = [s for s in true if s not in labels]
+    if unknown:
+        known = ", ".join(labels) or "nothing"
+        raise SourceError(f"there is no calibration '{unknown[0]}': it has {known}")
+    return np.array([true.get(s, k) for s, k in zip(labels, nominal, strict=True)], dtype=float)
