@@ -6,29 +6,18 @@ dataset*, IJRR 30(8), 2011.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
 from scene_core.arrays import Mat, Vec, frozen
-from scene_core.filter.policies import Vision
-from scene_core.filter.ports import (
-    Control,
-    Detection,
-    EndOfData,
-    Frame,
-    Match,
-    Occupied,
-    Points,
-    Query,
-    SourceError,
-    Truth,
-)
+from scene_core.filter.ports import Control, Frame, Points, SourceError, Truth
 from scene_core.params import param
-from scene_core.sources.points import detect_identities, match_points, nearest_identity
+from scene_core.sources.recorded import Recording, fixed
 from scene_core.sources.tables import fingerprint, read_numbers
 
 ROBOT_SUBJECTS = 5
@@ -40,7 +29,7 @@ LONGEST_GAP = 0.5
 
 
 @dataclass(frozen=True)
-class Mrclam:
+class Mrclam(Recording):
     """One robot of an MRCLAM data set: odometry (v, w) held between its samples, range and bearing
     to landmarks that carry barcodes.
 
@@ -60,20 +49,7 @@ class Mrclam:
     mount: str = "camera"
     """The sensor's name."""
 
-    @property
-    def frame_count(self) -> int | None:
-        """Frames of the log."""
-        return len(self._log().times)
-
-    @property
-    def frame_rate(self) -> float:
-        """Mean number of frames per second."""
-        times = self._log().times
-        return (len(times) - 1) / float(times[-1] - times[0])
-
-    def start(self) -> None:
-        """A recording has no state. Raises SourceError when the log can not be read."""
-        self._log()
+    angles: ClassVar[tuple[int, ...]] = (1,)
 
     def start_pose(self) -> Vec:
         """True (z, x, phi) at frame 0: where the estimate may start."""
@@ -83,15 +59,15 @@ class Mrclam:
             raise SourceError(f"{self.path}: there is no ground truth where the log starts")
         return pose
 
-    def advance(self, state: None, index: int) -> tuple[Frame, None]:
-        """Frame `index`; EndOfData past the last."""
+    def times(self) -> Vec:
+        return self._log().times
+
+    def frame(self, index: int) -> Frame:
         log = self._log()
-        if not 0 <= index < len(log.times):
-            raise EndOfData
         now = float(log.times[index])
         before = float(log.times[index - 1]) if index else now
         a, b = log.rows[index]
-        frame = Frame(
+        return Frame(
             index=index,
             time=now - float(log.times[0]),
             dt=now - before,
@@ -99,21 +75,6 @@ class Mrclam:
             raw={self.mount: Points(log.z[a:b], log.ids[a:b])} if b > a else {},
             truth=self._truth(log, now),
         )
-        return frame, None
-
-    def search(self, frame: Frame, query: Query, vision: Vision) -> Sequence[Match]:
-        """Measurements by barcode, or by the nearest one in the gate."""
-        return match_points(_points(frame, query.mount), query, _wrapped)
-
-    def detect(
-        self, frame: Frame, mount: str, occupied: Occupied, count: int, vision: Vision
-    ) -> Sequence[Detection]:
-        """Landmarks that are not mapped yet."""
-        return detect_identities(_points(frame, mount), occupied, count)
-
-    def appearance_at(self, frame: Frame, mount: str, z: Vec, vision: Vision) -> Detection | None:
-        """The measurement nearest to where somebody pointed."""
-        return nearest_identity(_points(frame, mount), z)
 
     def _log(self) -> _Log:
         return _load(self.path, self.robot_number, self.idle_s, _fingerprints(self))
@@ -123,19 +84,6 @@ class Mrclam:
         return Truth(
             {self.robot: pose} if pose is not None else {}, {}, log.landmarks, log.subjects
         )
-
-
-def _points(frame: Frame, mount: str) -> Points:
-    raw = frame.raw[mount]
-    assert isinstance(raw, Points), f"{mount} sent no points in frame {frame.index}"
-    return raw
-
-
-def _wrapped(h: Vec, z: Vec) -> Vec:
-    """z - h of range and bearing."""
-    nu = z - h
-    nu[..., 1] = np.pi - np.mod(np.pi - nu[..., 1], 2.0 * np.pi)
-    return nu
 
 
 @dataclass(frozen=True)
@@ -232,11 +180,11 @@ def _load(path: str, robot: int, idle_s: float, _: tuple) -> _Log:
         times=frozen(times),
         rows=rows,
         z=frozen(measured[:, 2:]),
-        ids=_fixed(ids),
+        ids=fixed(ids),
         odometry=frozen(odometry),
         truth=frozen(truth),
         landmarks=frozen(landmarks[:, 1:3]),
-        subjects=_fixed(landmarks[:, 0].astype(int)),
+        subjects=fixed(landmarks[:, 0].astype(int)),
     )
 
 
@@ -263,14 +211,9 @@ def _frames(at: Vec, start: float, end: float, idle_s: float) -> tuple[Vec, np.n
         times += [*fillers, float(at[a])]
         rows += [(0, 0)] * len(fillers) + [(a, b)]
     fillers = _between(times[-1], end, idle_s)
-    return np.array(times + fillers), _fixed(np.array(rows + [(0, 0)] * len(fillers)))
+    return np.array(times + fillers), fixed(np.array(rows + [(0, 0)] * len(fillers)))
 
 
 def _between(start: float, end: float, step: float) -> list[float]:
     """start + step, start + 2 step, ... before end."""
     return [start + k * step for k in range(1, int(np.ceil((end - start) / step)))]
-
-
-def _fixed(a: np.ndarray) -> np.ndarray:
-    a.flags.writeable = False
-    return a

@@ -34,8 +34,7 @@ def played(experiment: Experiment) -> Session:
 
 def map_errors(session: Session) -> Vec:
     assert session.trace is not None
-    (robot,) = session.world.robots.values()
-    return landmark_errors(session.world, session.trace.frame.truth, robot.motion.space)
+    return landmark_errors(session.world, session.trace.frame.truth)
 
 
 def dead_reckoning(experiment: Experiment) -> float:
