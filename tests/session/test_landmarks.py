@@ -14,12 +14,13 @@ from scene_core.session.session import Session
 
 def test_the_errors_are_distances_by_identity() -> None:
     session = Session(presets.build("nomad"))
-    for _ in range(3):
-        trace = session.advance()
+    for _ in range(2):
+        session.advance()
+    trace = session.advance()
     world = session.world
     first, *others = world.features.values()
     at = world.gauss.mean(first.block)
-    truth = Truth({}, {}, np.array([at + (3.0, 4.0)]), np.array([first.appearance]))
+    truth = Truth({}, {}, (at + np.array([3.0, 4.0]))[None], np.array([first.appearance]))
     np.testing.assert_allclose(landmark_errors(world, truth), [5.0])
     given = replace(world, features={first.label: replace(first, known=True)})
     assert len(landmark_errors(given, truth)) == 0
@@ -29,8 +30,9 @@ def test_the_errors_are_distances_by_identity() -> None:
 
 def test_rays_are_not_counted_before_they_have_become_points() -> None:
     session = Session(presets.build("cloister"))
-    for _ in range(30):
-        trace = session.advance()
+    for _ in range(29):
+        session.advance()
+    trace = session.advance()
     finished = [f for f in session.world.features.values() if f.model.successor() is None]
     assert 0 < len(finished) < len(session.world.features)
     assert len(landmark_errors(session.world, trace.frame.truth)) == len(finished)
