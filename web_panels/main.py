@@ -16,8 +16,11 @@ from typing import Annotated
 import tyro
 
 from scene_core.filter.ports import SourceError
+from scene_core.models.library import Library, Watcher
 from scene_core.params import ParamError
 from scene_core.session import cli
+from scene_core.session.cli_models import library_of
+from scene_core.session.commands import ModelsSaved
 from scene_core.session.runner import Runner
 from scene_core.session.session import Session
 from web_panels import gate
@@ -27,6 +30,8 @@ COMMANDS = {
     "serve": "start the page and print its address; meant when only flags are given",
     "run": "run an experiment without the page, as fast as possible",
     "presets": "list the scenarios, or write one as a settings file",
+    "models": "list the models, and which sensor goes with which landmark",
+    "check": "say whether models of your own keep the promises of their kind",
 }
 TOKEN_LENGTH = 8
 """A shorter token could be guessed."""
@@ -109,25 +114,41 @@ def serve(options: Serve) -> None:
     host, port = options.host, options.port
     check_address(host, port)
     token = checked_token(host, options.token)
+    library = library_of(options.source.models)
     session = Session(cli.experiment_from(options.source))
     stopped = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.set())
-    with Runner(session, playing=True) as runner:
+    files = () if library is None else library.files
+    with Runner(session, playing=True, files=files) as runner:
         server = gate.guarded_server(host, port, token)
         if server.get_port() != port:
             server.stop()
             raise ServeError(f"--port {port}: taken by another program just now; try again")
         view = ViewLoop(server, runner)
         view.start()
+        watcher = None if library is None else watching(library, runner)
         url = address(host, port, token)
         print(f"Scene is at {url}  (Ctrl+C stops it)", flush=True)
         if options.open:
             webbrowser.open(url)
         while not stopped.wait(1.0):
             pass
+        if watcher is not None:
+            watcher.stop()
         view.stop()
         server.stop()
+
+
+def watching(library: Library, runner: Runner) -> Watcher:
+    """Tell the runner about every file of the user's that is saved."""
+
+    def tell(said: tuple[str, ...]) -> None:
+        runner.post(ModelsSaved(library.files, said))
+
+    watcher = Watcher(library, tell)
+    watcher.start()
+    return watcher
 
 
 def overview() -> str:
@@ -147,7 +168,9 @@ def main(args: list[str] | None = None) -> None:
         if words[:1] in (["-h"], ["--help"]):
             print(overview())
         elif command not in COMMANDS:
-            print(f"scene: no command '{command}': give serve, run or presets", file=sys.stderr)
+            *most, last = COMMANDS
+            known = f"{', '.join(most)} or {last}"
+            print(f"scene: no command '{command}': give {known}", file=sys.stderr)
             raise SystemExit(2)
         elif command == "serve":
             _serve_command(words[1:] if words[:1] == ["serve"] else words)

@@ -7,7 +7,7 @@ what the library says, which are values that are replaced as a whole.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import fields, replace
+from dataclasses import MISSING, fields, replace
 from pathlib import Path
 from threading import Event, Thread
 from typing import Any
@@ -166,7 +166,9 @@ def carried(old: Any, cls: type[Any]) -> Any:
     for f in fields(cls):
         before = there.get(f.name)
         meta = f.metadata.get("param")
-        if before is None or meta is None or getattr(old, f.name) == before.default:
+        if before is None or meta is None or f.default is MISSING:
+            continue
+        if getattr(old, f.name) == before.default:
             continue
         try:
             kept[f.name] = params.check_value(f.name, getattr(old, f.name), f.default, meta)

@@ -72,7 +72,7 @@ def not_batched(model: Any, rng: np.random.Generator) -> frozenset[str]:
     """
     found = set()
     for name, contract in contracts_of(type(model)).items():
-        if not contract.rows:
+        if not contract.rows or _is_inherited(type(model), name):
             continue
         args = _trial(model, name, rng)
         if args is None:
@@ -88,9 +88,13 @@ def not_batched(model: Any, rng: np.random.Generator) -> frozenset[str]:
             continue
         if not _same(wanted, together, is_random=name == "h_noisy"):
             found.add(name)
-    if "h_noisy" in found and type(model).h_noisy is Sensor.h_noisy:
-        found.remove("h_noisy")  # it is batched once project and R are
     return frozenset(found)
+
+
+def _is_inherited(cls: type[Any], name: str) -> bool:
+    """Whether a function is the default of its kind, which is batched when what it calls is."""
+    base = Sensor if issubclass(cls, Sensor) else FeatureModel
+    return getattr(cls, name) is getattr(base, name)
 
 
 def _same(alone: Any, batch: Any, is_random: bool) -> bool:

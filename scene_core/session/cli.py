@@ -1,6 +1,8 @@
-"""The command line of the library: `scene run` and `scene presets`. `scene serve` is the page's.
+"""The command line of the library: `scene run`, `presets`, `models` and `check`. `scene serve` is
+the page's.
 
-Input that does not fit ends with one sentence and exit code 2, a run that breaks off with 1.
+Input that does not fit ends with one sentence and exit code 2, a run that breaks off, or a model
+that does not conform, with 1.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from scene_core.filter.ports import EndOfData, SourceError
 from scene_core.params import ParamError, get, rows_typed
 from scene_core.session import presets, toml_io, units
 from scene_core.session.alignment import Alignment
+from scene_core.session.cli_models import Check, Models, check_models, library_of, list_models
 from scene_core.session.config import Experiment
 from scene_core.session.edits import set_param, with_seed
 from scene_core.session.failures import explain
@@ -66,6 +69,8 @@ class SourceOptions:
     """Folder of a camera round a box of AprilTags."""
     seed: int | None = None
     """Another seed: other noise, or other places where corners are looked for."""
+    models: str = ""
+    """A folder with models of your own, .py files that may be saved while the page runs."""
     set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     """Change a parameter, as path=value, e.g. estimator.policies.selection.budget=6. May be
     repeated."""
@@ -316,22 +321,39 @@ def list_presets(options: Presets) -> None:
 
 
 def main(args: Sequence[str] | None = None) -> None:
-    """`scene run ...` or `scene presets ...`; leaves by SystemExit where something does not fit."""
+    """`scene run ...` and so on; leaves by SystemExit where something does not fit."""
     commands = (
         Annotated[Run, tyro.conf.subcommand("run")]
         | Annotated[Presets, tyro.conf.subcommand("presets")]
+        | Annotated[Models, tyro.conf.subcommand("models")]
+        | Annotated[Check, tyro.conf.subcommand("check")]
     )
     with reader_may_leave():
         options = tyro.cli(commands, args=args, prog="scene")  # type: ignore[arg-type]
         threadpool_limits(1)
         try:
-            run(options) if isinstance(options, Run) else list_presets(options)
+            _obey(options)
         except (ParamError, SourceError) as e:
             _leave(f"scene: {e}", 2)
         except RunError as e:
             _leave(f"{e.details}scene: {e}", 1)
         except KeyboardInterrupt:
             _leave("scene: interrupted", 130)
+
+
+def _obey(options: Run | Presets | Models | Check) -> None:
+    match options:
+        case Run():
+            library_of(options.source.models)
+            run(options)
+        case Presets():
+            library_of(options.files.models)
+            list_presets(options)
+        case Models():
+            list_models(options)
+        case Check():
+            if not check_models(options):
+                raise SystemExit(1)
 
 
 @contextmanager

@@ -25,7 +25,7 @@ def test_help_lists_every_command_in_a_line(flag: str, capsys: pytest.CaptureFix
         assert sum(line.split()[:1] == [name] for line in lines) == 1
 
 
-@pytest.mark.parametrize("args", [("serve",), ("run",), ("presets",), ("--port", "80")])
+@pytest.mark.parametrize("args", [*((name,) for name in COMMANDS), ("--port", "80")])
 def test_every_command_has_its_own_help(
     args: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,0 +1,136 @@
+"""`scene check` and `scene models`: does a model keep its promises, and which ones are there."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import tyro
+
+from scene_core import params
+from scene_core.filter.policies import Policies
+from scene_core.models import registry
+from scene_core.models.check import check
+from scene_core.models.library import Library
+from scene_core.models.plugins import UserFile, in_time, load_file
+from scene_core.params import ParamError
+from scene_core.session import presets
+from scene_core.session.roles import CHOICES
+
+
+@dataclass(frozen=True)
+class Check:
+    """Say whether models keep the promises of their kind: shapes, units, Jacobians, noise."""
+
+    files: tyro.conf.Positional[tuple[str, ...]] = ()
+    """Files with models of your own."""
+    all: bool = False
+    """Every built-in model too."""
+
+
+@dataclass(frozen=True)
+class Models:
+    """List every model, and which sensor goes with which landmark."""
+
+    json: bool = False
+    """As JSON, with the keys motion, sensors, landmarks, internal, policies, presets and pairs."""
+    models: str = ""
+    """A folder with models of your own, to be listed too."""
+
+
+def library_of(folder: str) -> Library | None:
+    """The user's models: those of a folder and those of installed packages. What is wrong with them
+    is written to standard error, a sentence each; None when there are none at all."""
+    library = Library(folder or None)
+    for problem in problems(library.files):
+        print(f"scene: {problem}", file=sys.stderr)
+    return library if library.files or folder else None
+
+
+def problems(files: Sequence[UserFile]) -> list[str]:
+    """Everything that is wrong with the user's files."""
+    out = [f.problem for f in files if f.problem]
+    return out + [m.problem for f in files for m in f.models if m.problem]
+
+
+def check_models(options: Check) -> bool:
+    """Print a report per model; whether all of them conform. Raises ParamError without a model."""
+    if not options.files and not options.all:
+        raise ParamError("check what? give a file with a model of your own, or --all")
+    fine = True
+    for name in options.files:
+        if not Path(name).is_file():
+            raise ParamError(f"{name}: there is no such file")
+        file = in_time(name, lambda n=name: load_file(n))
+        if file.problem:
+            print(f"{file.problem}\n")
+        for model in file.models:
+            # The report names every law; without one there is but the sentence.
+            print(model.problem if model.report is None else model.report, end="\n\n")
+        fine &= not problems([file])
+    if options.all:
+        for kind in registry.KINDS:
+            for cls in registry.built_in(kind).values():
+                report = check(cls)
+                print(report, end="\n\n")
+                fine &= report.ok
+    print("All conform." if fine else "Not all conform.")
+    return fine
+
+
+def list_models(options: Models) -> None:
+    """Print every model by name, as a table or as JSON."""
+    library_of(options.models)
+    there = table()
+    if options.json:
+        print(json.dumps(there, indent=2))
+        return
+    for kind in ("motion", "sensors", "landmarks", "internal"):
+        print(f"{kind}\n" + "".join(f"  {name}\n" for name in there[kind]))
+    print("policies\n" + "".join(f"  {k}: {', '.join(v)}\n" for k, v in there["policies"].items()))
+    print("presets\n  " + ", ".join(there["presets"]) + "\n")
+    print("sensor and landmark: what does not go together, and why")
+    for pair in there["pairs"]:
+        if pair["reason"]:
+            print(f"  {pair['sensor']} + {pair['landmark']}: {pair['reason']}")
+
+
+def table() -> dict[str, Any]:
+    """Every model by name, and every pair of a sensor and a landmark."""
+    landmark = next(iter(registry.models("features").values()))()
+    specs = {s.path: s for s in params.schema(Policies(landmark), "estimator.policies")}
+    return {
+        "motion": list(registry.models("motion")),
+        "sensors": list(registry.models("sensors")),
+        "landmarks": list(registry.models("features")),
+        "internal": list(registry.models("internal")),
+        "policies": {
+            title.lower(): list(specs[path].choices or ()) for path, title in CHOICES.items()
+        },
+        "presets": list(presets.PRESETS),
+        "pairs": pairs(),
+    }
+
+
+def pairs() -> list[dict[str, Any]]:
+    """Every sensor with every landmark. Supported: the sensor can measure it; the reason then says
+    why it can not start one, if it can not."""
+    out = []
+    for sensor_name, sensor in registry.models("sensors").items():
+        for landmark_name, landmark in registry.models("features").items():
+            refused = registry.observable(sensor(), landmark())
+            partly = registry.compatible(sensor(), landmark())
+            reason = refused or (f"observing only: {partly}" if partly else "")
+            out.append(
+                {
+                    "sensor": sensor_name,
+                    "landmark": landmark_name,
+                    "supported": refused is None,
+                    "reason": reason,
+                }
+            )
+    return out

@@ -1,0 +1,289 @@
+"""A user's files: loaded as often as they are saved, checked, and every fault is one sentence."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import inspect
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scene_core import params
+from scene_core.models import guard, plugins, registry
+from scene_core.models.base import Projection
+from scene_core.models.features.point_2d import Point2D
+from scene_core.models.library import Library, Watcher, carried
+from scene_core.models.motion.unicycle import PlanarUnicycle
+from scene_core.models.plugins import load_file
+from scene_core.models.rows import not_batched
+from scene_core.models.sensors.range_bearing import RangeBearing
+from scene_core.params import ParamError
+
+HEAD = """
+from dataclasses import dataclass
+import numpy as np
+from scene_core.models.base import *
+from scene_core.models.motion.unicycle import PlanarUnicycle
+from scene_core.models.sensors.range_bearing import RangeBearing
+from scene_core.params import param
+
+"""
+MINE = '''@dataclass(frozen=True)
+class Mine(PlanarUnicycle):
+    name = "mine"
+    extra: float = param(1.0, unit="m", lo=0.0, hi=9.0)
+    """What it is for."""
+'''
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Iterator[Path]:
+    yield tmp_path
+    registry.add(registry.Added())
+
+
+def write(folder: Path, text: str, name: str = "mine.py", head: str = HEAD) -> Path:
+    file = folder / name
+    file.write_text(head + text, encoding="utf-8")
+    return file
+
+
+def test_a_model_of_a_file_is_offered_beside_the_built_in_ones(folder: Path) -> None:
+    write(folder, MINE)
+    before = registry.models("motion")
+    library = Library(folder)
+    assert set(registry.models("motion")) == {*before, "mine"} and "mine" not in before
+    model = registry.model_class("motion", "mine")()
+    assert registry.kind_of(model) == "motion"
+    (spec,) = [s for s in params.schema(model) if s.name == "extra"]
+    assert spec.help == "What it is for."
+    assert params.replace(model, "extra", 2.0) != model
+    assert library.files[0].models[0].report is not None
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("x = (", "mine.py, line 9: '(' was never closed"),
+        ("1 / 0", "mine.py, line 9: ZeroDivisionError: division by zero"),
+        ("import no_such_module", "mine.py, line 9: ModuleNotFoundError: No module named"),
+        ("import sys; sys.exit(1)", "mine.py, line 9: SystemExit: 1"),
+        ("x = 1", "mine.py defines no model: derive a frozen dataclass from one of MotionModel"),
+        ("\0", "mine.py"),
+    ],
+)
+def test_a_file_that_can_not_be_used_is_one_sentence(
+    folder: Path, text: str, sentence: str
+) -> None:
+    file = load_file(write(folder, text))
+    assert file.problem.startswith(sentence) and "\n" not in file.problem and not file.models
+
+
+def test_a_file_that_is_no_text_is_one_sentence(folder: Path) -> None:
+    (folder / "mine.py").write_bytes(b"\xff\xfe\x00")
+    assert load_file(folder / "mine.py").problem.startswith("mine.py can not be read")
+    assert "can not be read" in load_file(folder / "nowhere.py").problem
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("class A(PlanarUnicycle):\n    name = 'a'", "A is not frozen: write @dataclass"),
+        (
+            "@dataclass(frozen=True)\nclass A(MotionModel):\n    name = 'a'",
+            "A is not complete: write Q, f, f_noisy, lift, redefine, xp",
+        ),
+        (
+            "@dataclass(frozen=True)\nclass A(PlanarUnicycle):\n    name = 7",
+            "A.name = 7: give a text",
+        ),
+        (
+            f"@dataclass(frozen=True)\nclass A(PlanarUnicycle):\n    name = '{'a' * 99}'",
+            "A.name is longer than 60 characters",
+        ),
+        (
+            "@dataclass(frozen=True, kw_only=True)\nclass A(PlanarUnicycle):\n"
+            "    name = 'a'\n    mass: float",
+            "parameter 'mass' of A has no default: give it one, e.g. mass: float = param(0.1)",
+        ),
+        (
+            "@dataclass(frozen=True)\nclass A(PlanarUnicycle):\n    name = 'a'\n"
+            "    def __post_init__(self): raise ValueError('never')",
+            "A can not be made: ValueError: never",
+        ),
+        (
+            "@dataclass(frozen=True)\nclass A(RangeBearing):\n    name = 'a'\n"
+            "    units = ('m', 'deg')",
+            "'a' does not conform: units are known: units: no unit 'deg'; write e.g. m, rad",
+        ),
+        (
+            "@dataclass(frozen=True)\nclass A(PlanarUnicycle):\n    name = 'impulse'",
+            "'impulse' is the name of a built-in model: give it another",
+        ),
+    ],
+)
+def test_a_class_that_can_not_be_used_says_why_and_is_refused(
+    folder: Path, text: str, sentence: str
+) -> None:
+    write(folder, text)
+    write(folder, MINE, "other.py")
+    library = Library(folder)
+    (model,) = library.files[0].models
+    line = 10 if text.startswith("@") else 9
+    assert model.problem.startswith(f"mine.py, line {line}: {sentence}")
+    assert not model.conforms and "\n" not in model.problem
+    assert "mine" in registry.models("motion")
+    assert registry.built_in("motion").items() <= registry.models("motion").items()
+    if model.name != "impulse":
+        assert registry.refused(model.kind)[model.name] == model.problem
+
+
+def test_two_files_with_one_name_keep_the_first(folder: Path) -> None:
+    write(folder, MINE, "a.py")
+    write(folder, MINE, "b.py")
+    library = Library(folder)
+    assert [f.models[0].conforms for f in library.files] == [True, False]
+    assert "is the name of a model of a.py" in library.files[1].models[0].problem
+    (folder / "a.py").unlink()
+    assert library.refresh() == ("a.py is gone: its models are not offered any more",)
+    assert library.files[0].models[0].problem == "" and "mine" in registry.models("motion")
+
+
+def test_saving_makes_a_new_class_beside_the_old_one(folder: Path) -> None:
+    write(folder, MINE)
+    library = Library(folder)
+    old = registry.model_class("motion", "mine")
+    assert library.refresh() == ()
+    write(folder, MINE.replace("param(1.0", "param(2.0"))
+    # It is loaded when it has looked the same twice.
+    assert library.refresh() == () and registry.model_class("motion", "mine") is old
+    assert library.refresh() == ("mine.py was saved: 'mine' conforms",)
+    new = registry.model_class("motion", "mine")
+    assert new is not old and (old().extra, new().extra) == (1.0, 2.0)
+    assert library.refresh() == ()
+
+
+def test_an_edited_parameter_is_carried_over_and_a_default_is_not(folder: Path) -> None:
+    write(folder, MINE)
+    Library(folder)
+    old = registry.model_class("motion", "mine")
+    write(folder, MINE.replace("param(1.0", "param(2.0").replace("hi=9.0", "hi=5.0"))
+    Library(folder)
+    new = registry.model_class("motion", "mine")
+    after = carried(old(sd_v=0.7), new)
+    assert type(after) is new and (after.sd_v, after.extra) == (0.7, 2.0)
+    assert carried(old(extra=8.0), new).extra == 2.0, "outside its new range"
+
+
+@pytest.mark.parametrize("bad", ["x = (", "raise ValueError", MINE + "    def Q(self): ..."])
+def test_a_broken_save_leaves_the_earlier_version(folder: Path, bad: str) -> None:
+    write(folder, MINE)
+    library = Library(folder)
+    old = registry.model_class("motion", "mine")
+    write(folder, bad)
+    (said,) = library.refresh() + library.refresh()
+    assert "mine.py" in said and "stays" in said
+    assert registry.model_class("motion", "mine") is old
+    assert "mine" not in registry.refused("motion")
+    write(folder, MINE + "    # again\n")
+    assert library.refresh() + library.refresh() == ("mine.py was saved: 'mine' conforms",)
+    assert registry.model_class("motion", "mine") is not old
+
+
+def test_a_folder_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ParamError, match=r"--models .*nowhere: there is no such folder"):
+        Library(tmp_path / "nowhere")
+
+
+def test_a_file_that_never_ends_is_left_out(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plugins, "PATIENCE_S", 0.4)
+    stop = folder / "stop"
+    wait = f"while not __import__('os').path.exists({str(stop)!r}): __import__('time').sleep(0.01)"
+    write(folder, wait, "a.py")
+    write(
+        folder, MINE + f"    def U(self, u, dt):\n        {wait}\n        return np.eye(2)", "b.py"
+    )
+    library = Library(folder)
+    stop.touch()
+    assert "a.py was left out: it was not loaded within" in library.files[0].problem
+    assert "b.py was left out: 'mine'." in library.files[1].problem
+
+
+def test_a_package_may_announce_its_models(monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
+    write(folder, MINE, "packaged.py")
+    monkeypatch.syspath_prepend(folder)
+    entries = [
+        importlib.metadata.EntryPoint("good", "packaged", "scene.models"),
+        importlib.metadata.EntryPoint("one", "packaged:Mine", "scene.models"),
+        importlib.metadata.EntryPoint("bad", "no_such_package", "scene.models"),
+    ]
+    monkeypatch.setattr(plugins, "entry_points", lambda group: entries)
+    library = Library(None)
+    assert [bool(f.problem) for f in library.files] == [False, False, True]
+    assert "bad (no_such_package) can not be loaded" in library.files[2].problem
+    assert "mine" in registry.models("motion")
+
+
+def test_the_watcher_tells_about_a_save(folder: Path) -> None:
+    write(folder, MINE)
+    told: list[tuple[str, ...]] = []
+    watcher = Watcher(Library(folder), told.append)
+    watcher.start()
+    write(folder, MINE + "    # more\n")
+    end = time.monotonic() + 10.0
+    while not told and time.monotonic() < end:
+        time.sleep(0.02)
+    watcher.stop()
+    assert told == [("mine.py was saved: 'mine' conforms",)]
+
+
+# The guard.
+
+
+class Alone(RangeBearing):
+    """Written for single points."""
+
+    def project(self, X, k):  # type: ignore[no-untyped-def]
+        assert X.ndim == 1
+        return Projection(super().project(X, k).h)
+
+    def visibility(self, h, X, xws, pose0, y_X):  # type: ignore[no-untyped-def]
+        return int(h[0] > self.reach_max)
+
+
+def test_a_function_for_single_rows_is_found_out_and_fed_row_by_row() -> None:
+    alone, rng = not_batched(Alone(), np.random.default_rng(0)), np.random.default_rng(1)
+    assert alone == {"project", "visibility"}
+    model, plain = guard.guarded(Alone, alone)(), RangeBearing()
+    X = np.abs(rng.standard_normal((2, 3, 3))) + 0.1
+    k = np.zeros(0)
+    assert np.array_equal(model.project(X, k).h, plain.project(X, k).h)
+    assert np.array_equal(model.project(X[0, 0], k=k).h, plain.project(X[0, 0], k).h)
+    h, pose = plain.project(X[0], k).h, np.zeros(3)
+    fault = model.visibility(h, X[0], pose, np.zeros((3, 3)), X[0])
+    assert np.array_equal(fault, (h[:, 0] > plain.reach_max).astype(int))
+    assert model.h_noisy(X[0], k, rng).shape == (3, 2)
+
+
+@pytest.mark.parametrize("cls", [RangeBearing, Point2D, *registry.built_in("sensors").values()])
+def test_the_built_in_models_are_all_batched(cls: type) -> None:
+    assert not_batched(cls(), np.random.default_rng(0)) == frozenset()
+
+
+def test_a_guarded_class_stays_what_it_was() -> None:
+    cls = guard.guarded(PlanarUnicycle)
+    assert guard.is_guarded(cls) and not guard.is_guarded(PlanarUnicycle)
+    assert cls.__name__ == "PlanarUnicycle" and not inspect.isabstract(cls)
+    assert cls(sd_v=0.3) == cls(sd_v=0.3) and hash(cls()) == hash(cls())
+    xv, u = np.array([1.0, 2.0, 0.3]), np.array([0.2, 0.1])
+    ours, theirs = cls().f(xv, u, 0.1, np.zeros(0)), PlanarUnicycle().f(xv, u, 0.1, np.zeros(0))
+    assert all(np.array_equal(a, b) for a, b in zip(ours, theirs, strict=True))
+
+
+def test_whoever_claims_a_call_first_has_it() -> None:
+    call = guard.Call(PlanarUnicycle(), "f")
+    assert call.claim() and not call.claim()
+    assert guard.under_way(None) is None
