@@ -36,6 +36,14 @@ from scene_core.session.start import initial_world, resting
 DEFAULT_FRAMES = 1000
 """Length of a run whose source has no end, when --frames is not given."""
 
+GOES_WITH = {
+    "calib": "images",
+    "reference": "images",
+    "reference_time": "images",
+    "robot": "mrclam",
+}
+"""Flags that mean nothing without another."""
+
 
 @dataclass(frozen=True)
 class SourceOptions:
@@ -57,8 +65,8 @@ class SourceOptions:
     """Bring the estimate into the reference's axes before errors are taken."""
     mrclam: str = ""
     """Folder of a UTIAS MRCLAM data set."""
-    robot: int = 2
-    """Which robot of --mrclam, 1 to 5."""
+    robot: int | None = None
+    """Which robot of --mrclam, 1 to 5; 2 when not given."""
     mrpt: str = ""
     """A log of MRPT's kf-slam demonstrations as text, or the folder of the planar one."""
     planar_mono: str = ""
@@ -131,9 +139,9 @@ def _chosen(options: SourceOptions) -> Experiment:
         flags.remove("--preset")
     if len(flags) > 1:
         raise ParamError(f"{flags[0]} and {flags[1]} both choose the experiment: give one of them")
-    for flag in ("calib", "reference", "reference_time"):
-        if getattr(options, flag) and not options.images:
-            raise ParamError(f"{flag_of(flag)} goes with --images: give both")
+    for flag, owner in GOES_WITH.items():
+        if getattr(options, flag) not in ("", False, None) and not getattr(options, owner):
+            raise ParamError(f"{flag_of(flag)} goes with {flag_of(owner)}: give both")
     if options.config:
         return _from_file(options.config)
     if options.images:
@@ -147,7 +155,7 @@ def _chosen(options: SourceOptions) -> Experiment:
             options.align or "none",
         )
     if options.mrclam:
-        return presets.mrclam(options.mrclam, options.robot)
+        return presets.mrclam(options.mrclam, 2 if options.robot is None else options.robot)
     for name, make in presets.RECORDINGS.items():
         if getattr(options, name):
             return make(getattr(options, name))

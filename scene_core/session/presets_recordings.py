@@ -43,7 +43,7 @@ ABOUT: Mapping[str, str] = {
 }
 NEEDS: Mapping[str, str] = {
     "images": "--images DIR|FILE --calib FILE",
-    "mrclam": "--mrclam DIR",
+    "mrclam": "--mrclam DIR [--robot N]",
     **identified.NEEDS,
 }
 """The flags that name the files of a scenario."""

@@ -97,6 +97,7 @@ def test_presets_are_listed_and_written(capsys: pytest.CaptureFixture[str]) -> N
         ("run --calib x.yaml", "--calib goes with --images"),
         ("run --reference x.txt", "--reference goes with --images"),
         ("run --config /nowhere.toml", "the settings file /nowhere.toml can not be read"),
+        ("run --preset line --robot 3", "--robot goes with --mrclam"),
         ("run --mrclam /nowhere", "/nowhere"),
         ("run --mrclam /nowhere --robot 9", "robot_number = 9 is outside [1, 5]"),
         ("run --preset line --frames 0", "--frames 0: give a whole number of at least 1"),
