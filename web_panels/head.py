@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import viser
 
+from scene_core.session.commands import Abandon
 from scene_core.session.published import Light, Published
 from web_panels import style
 from web_panels.map_legend import legend_html
 from web_panels.panel import Page, Post
 from web_panels.style import HEX, PHASES, escape
+from web_panels.widgets import on_press
 
 LIGHTS = {
     "consistent": ("estimate", "consistent"),
@@ -83,6 +85,12 @@ def _banners(p: Published, page: Page) -> str:
             f'<div class="bad" role="alert" style="margin-top:8px"><b>The run stopped.</b> '
             f"{escape(p.failure.text)}{details}</div>"
         )
+    if p.busy is not None:
+        out += (
+            f'<div class="bad" role="alert" style="margin-top:8px"><b>{escape(p.busy.model)}</b>.'
+            f"{escape(p.busy.method)} has not returned for {p.busy.seconds} s. Wait, or abandon "
+            "it: the run goes back to its last good frame and to the model before it.</div>"
+        )
     for text in page.problems.values():
         out += (
             f'<div class="bad" style="margin-top:8px">{escape(text)}. '
@@ -126,6 +134,10 @@ class Head:
     def build(self, server: viser.ViserServer, post: Post) -> None:
         self.sheet = server.gui.add_html(style.STYLE_SHEET)
         self.html = server.gui.add_html("")
+        self.abandon = server.gui.add_button(
+            "Abandon", color="red", visible=False, hint="Give up the call that does not return."
+        )
+        on_press(self.abandon, lambda _: post(Abandon()))
         self.legend = server.gui.add_html("")
 
     def render(self, p: Published) -> None:
@@ -133,3 +145,5 @@ class Head:
         self.sheet.content = style.STYLE_SHEET + (style.LARGE_TYPE if look.large else "")
         self.legend.content = legend_html(look, p.experiment.estimator.policies.landmark.space.d)
         self.html.content = head_html(p, self.page)
+        if self.abandon.visible != (p.busy is not None):
+            self.abandon.visible = p.busy is not None

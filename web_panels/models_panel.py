@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import viser
 
+from scene_core.models.plugins import UserFile
 from scene_core.session.commands import LoadPreset, SwapModel
 from scene_core.session.published import Published, RoleOptions
 from web_panels import style
+from web_panels.model_reports import reports_html
 from web_panels.panel import Page, Post
 from web_panels.style import escape
 from web_panels.widgets import Bound, Group
@@ -31,6 +33,8 @@ class ModelsPanel:
         self.about = server.gui.add_html("")
         self.place = server.gui.add_folder(None)
         self.box: viser.GuiFolderHandle | None = None
+        self.files: tuple[UserFile, ...] = ()
+        self.reports = server.gui.add_html("")
 
     def _rebuild(self, p: Published) -> None:
         if self.box is not None:
@@ -72,6 +76,9 @@ class ModelsPanel:
         self.about.content = style.block(
             f"<b>{escape(p.experiment.name)}</b>{rest}", "padding:8px 10px 2px"
         )
+        if p.files is not self.files:
+            self.files = p.files
+            self.reports.content = reports_html(p.files)
         self.preset.show(p.experiment.name)
         for role in p.roles:
             self.bound[role.role].show(role.current)
