@@ -1,24 +1,17 @@
-"""Stepping by phase: the equation of the phase that was just done, with its numbers."""
+"""One phase of a frame: the one that was just stepped to, or one that somebody looks at again."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-
-import numpy as np
 import viser
 
-from scene_core.filter.records import Association, PhaseRecord, Trace
-from scene_core.filter.select import ranked
-from scene_core.filter.world import Robot, World
+from scene_core.filter.records import PhaseRecord, Trace
 from scene_core.session.published import Published
-from web_panels import mathml as mm
 from web_panels.panel import Page, Post
-from web_panels.style import HEX, PHASES, STATE_OF_VERDICT, block, escape, gate_words, number, shown
+from web_panels.phase_bodies import BODIES
+from web_panels.style import PHASES, block, escape
 
-LISTED = 12
-"""Features listed by one phase; the others are counted."""
-ARROW = mm.op("\N{LEFTWARDS ARROW}")
-TO = "\N{RIGHTWARDS ARROW}"
+LAST: str = "–"
+"""What the choice of a phase says while none is chosen."""
 
 
 class PhaseCard:
@@ -29,11 +22,45 @@ class PhaseCard:
     def __init__(self, page: Page) -> None:
         self.page = page
         self._stepped: tuple[int, int] | None = None
+        self._chosen: tuple[tuple[int, int], str] | None = None
+        """A phase of a finished frame that somebody wants to see again: run and frame, its name."""
 
     def build(self, server: viser.ViserServer, post: Post) -> None:
+        self.choice = server.gui.add_dropdown(
+            "Look at",
+            [LAST],
+            visible=False,
+            hint="A phase of this frame, with its numbers. Only looks: the run stays where it is.",
+        )
         self.html = server.gui.add_html("")
 
+        async def chosen(event: viser.GuiEvent) -> None:
+            if event.client_id is not None and self._here is not None:
+                self._chosen = (self._here, event.target.value)
+                self.page.change()
+
+        self._here: tuple[int, int] | None = None
+        self.choice.on_update(chosen)
+
+    def _offer(self, p: Published) -> None:
+        """The phases of a finished frame; nothing while frames go by or are stepped through."""
+        trace = p.trace
+        done = trace is not None and trace.complete and p.mode != "playing"
+        if trace is not None and done:
+            self._here = (p.run, trace.frame.index)
+            names = (LAST, *phase_names(trace))
+            if self.choice.options != names:
+                self.choice.options = names
+            wanted = LAST
+            if self._chosen is not None and self._chosen[0] == self._here:
+                wanted = self._chosen[1] if self._chosen[1] in names else LAST
+            if self.choice.value != wanted:
+                self.choice.value = wanted
+        if self.choice.visible != done:
+            self.choice.visible = done
+
     def render(self, p: Published) -> None:
+        self._offer(p)
         content = self._content(p)
         if content != self.html.content:
             self.html.content = content
@@ -45,265 +72,46 @@ class PhaseCard:
         here = (p.run, trace.frame.index)
         if not trace.complete:
             self._stepped = here
+        if trace.complete and self._chosen is not None and self._chosen[0] == here:
+            names = phase_names(trace)
+            if self._chosen[1] in names:
+                return card_html(trace, names.index(self._chosen[1]))
         if self._stepped != here:
             return ""
         return card_html(trace)
 
 
-def card_html(trace: Trace) -> str:
-    """The last phase of a frame that is being stepped through."""
-    record = trace.records[-1]
-    before = trace.records[-2].world if len(trace.records) > 1 else trace.start
+def phase_names(trace: Trace) -> list[str]:
+    """Every phase of a frame, numbered, with the sensor it was for."""
+    return [
+        f"{i} {PHASES[r.phase][0]}{f' · {r.mount}' if r.mount else ''}"
+        for i, r in enumerate(trace.records, 1)
+    ]
+
+
+def card_html(trace: Trace, index: int = -1) -> str:
+    """A phase of a frame; the last one that was done, unless another is asked for."""
+    at = range(len(trace.records))[index]
+    record = trace.records[at]
+    before = trace.records[at - 1].world if at else trace.start
     title, colour = PHASES[record.phase]
     by = f" · {escape(record.mount)}" if record.mount else ""
     body = BODIES[record.phase](record, before, trace)
     return block(
         "<style>.e .pc td+td,.e .pc th+th{padding-left:9px}</style>"
         f'<div class="card" style="border-left:3px solid {colour};margin-top:8px">'
-        f"{_steps(trace)}"
+        f"{_steps(record)}"
         f'<div class="row"><b>{title}{by}</b><span class="d">{record.ms:.2f} ms</span></div>'
         f"{body}</div>"
     )
 
 
-def _steps(trace: Trace) -> str:
-    """All phases as a row of bars, those of this round that are done in colour."""
-    now = list(PHASES).index(trace.records[-1].phase)
+def _steps(record: PhaseRecord) -> str:
+    """All phases as a row of bars, those of this round up to this one in colour."""
+    now = list(PHASES).index(record.phase)
     bars = "".join(
         f'<span title="{escape(title)}" style="flex:1;height:4px;border-radius:2px;'
         f'background:{colour};opacity:{1 if k == now else 0.45 if k < now else 0.12}"></span>'
         for k, (title, colour) in enumerate(PHASES.values())
     )
     return f'<div style="display:flex;gap:3px;margin-bottom:5px">{bars}</div>'
-
-
-def _equations(*lines: str) -> str:
-    rows = "".join(f'<div style="text-align:center;padding:2px 0">{line}</div>' for line in lines)
-    return f'<div style="margin:3px 0;overflow-x:auto">{rows}</div>'
-
-
-def _table(rows: str, head: str = "") -> str:
-    return f'<table class="pc" style="font-size:11.5px">{head}{rows}</table>' if rows else ""
-
-
-def _line(text: str) -> str:
-    return f'<div style="margin-top:2px">{text}</div>'
-
-
-def _numbers(numbers: Mapping[str, float], leave: tuple[str, ...] = ()) -> str:
-    """The filter's own numbers of this phase."""
-    rows = "".join(
-        f"<tr><td>{escape(k)}</td><td>{number(v, 4)}</td></tr>"
-        for k, v in numbers.items()
-        if k not in leave
-    )
-    return _table(rows)
-
-
-def _robot_table(robot: Robot, before: World, after: World) -> str:
-    """Mean and standard deviation of every component, before and after."""
-    a, b = before.gauss.mean(robot.block), after.gauss.mean(robot.block)
-    sa, sb = (np.sqrt(np.maximum(np.diag(w.gauss.cov(robot.block)), 0.0)) for w in (before, after))
-    rows = ""
-    for i, (name, unit) in enumerate(
-        zip(robot.motion.state_labels, robot.motion.state_units, strict=True)
-    ):
-        factor, u = shown(1.0, unit)
-        rows += (
-            f"<tr><td>{escape(name)} <span class='d'>{escape(u)}</span></td>"
-            f"<td>{_fixed(a[i] * factor)} {TO} {_fixed(b[i] * factor)}</td>"
-            f"<td>{number(sa[i] * factor, 2)} {TO} {number(sb[i] * factor, 2)}</td></tr>"
-        )
-    head = f"<tr><th>{escape(robot.id)}</th><th>mean</th><th>sigma</th></tr>"
-    return _table(rows, head)
-
-
-def _fixed(v: float) -> str:
-    return mm.signed(f"{v:.3f}")
-
-
-def _predict(record: PhaseRecord, before: World, trace: Trace) -> str:
-    seconds = f"{record.numbers.get('dt', trace.frame.dt):.4g}"
-    xv, u, dt = mm.symbol("x", True, "v"), mm.symbol("u", True), mm.symbol("Δt")
-    F, P, G = mm.symbol("F", True), mm.symbol("P", True), mm.symbol("G", True)
-    U, Q = mm.symbol("U", True), mm.symbol("Q", True)
-    equations = _equations(
-        mm.formula(xv, ARROW, mm.symbol("f", True), mm.op("("), xv, mm.op(","), u, mm.op(","),
-                   dt, mm.op(")"), mm.op(","), dt, mm.op("="), mm.value(seconds),
-                   mm.symbol(" s")),
-        mm.formula(P, ARROW, F, P, mm.transposed(F), mm.op("+"), G, U, mm.transposed(G),
-                   mm.op("+"), Q),
-    )  # fmt: skip
-    tables = "".join(_robot_table(r, before, record.world) for r in record.world.robots.values())
-    return equations + tables + _numbers(record.numbers, ("dt",))
-
-
-def _internal(record: PhaseRecord, before: World, trace: Trace) -> str:
-    if not record.internals:
-        return _line("No internal measurement in this frame.")
-    rows = ""
-    for m in record.internals:
-        colour = HEX["accepted" if m.accepted else "rejected"]
-        rows += (
-            f'<tr><td>{escape(m.instrument)}</td><td style="color:{colour}">'
-            f"d2 = {m.d2:.1f} {'&lt;' if m.accepted else '&gt;'} {m.gate:.2f}</td>"
-            f"<td>{'in the update' if m.accepted else escape(m.why)}</td></tr>"
-        )
-    h, z, nu = mm.symbol("h", True, "v"), mm.symbol("z", True, "v"), mm.symbol("ν", True)
-    return _equations(mm.formula(nu, mm.op("="), z, mm.op("−"), h)) + _table(rows)
-
-
-def _select(record: PhaseRecord, before: World, trace: Trace) -> str:
-    E, H, P = mm.symbol("E", True), mm.symbol("H", True), mm.symbol("P", True)
-    order = ranked(record.predictions)
-    chosen = {k for p in record.predictions for k, s in zip(p.labels, p.selected, strict=True) if s}
-    rows = "".join(
-        f'<tr><td>{label}</td><td>{number(score, 3)}</td><td class="d">'
-        f"{'selected' if label in chosen else 'left out'}</td></tr>"
-        for score, label in order[:LISTED]
-    )
-    how = record.world.policies.selection.score
-    faulty = sum(len(p.labels) for p in record.predictions) - len(order)
-    return (
-        _equations(mm.formula(E, mm.op("="), H, P, mm.transposed(H)))
-        + _line(
-            f"{len(order)} features can be measured, {faulty} can not; {len(chosen)} are selected, "
-            f"largest {how} of E first."
-        )
-        + _table(rows, f"<tr><th>feature</th><th>{how} of E</th><th></th></tr>")
-        + _more(len(order))
-    )
-
-
-def _more(count: int) -> str:
-    rest = count - LISTED
-    return f'<div class="d">and {rest} more</div>' if rest > 0 else ""
-
-
-def _search(record: PhaseRecord, before: World, trace: Trace) -> str:
-    z, h, S = mm.symbol("z", True), mm.symbol("h", True), mm.symbol("S", True)
-    nu = "<mrow>" + mm.op("(") + z + mm.op("−") + h + mm.op(")") + "</mrow>"
-    sigma = record.world.policies.association.search_sigma
-    if not record.matches:
-        return _line("Nothing was selected, so nothing is searched.")
-    rows = ""
-    for m in record.matches[:LISTED]:
-        found = m.z is not None
-        colour = HEX["ink" if found else "nomatch"]
-        low = m.score < m.threshold and m.positions > 0
-        outcome = "found" if found else f"below {m.threshold:.2f}" if low else escape(m.why)
-        what = f"{m.score:.2f}" if m.positions else "identity" if found else "–"
-        rows += (
-            f'<tr><td>{m.label}</td><td>{m.positions or "–"}</td><td style="color:{colour}">{what}'
-            f"</td><td>{outcome}</td></tr>"
-        )
-    found = sum(m.z is not None for m in record.matches)
-    images = any(m.positions for m in record.matches)
-    equation = (
-        _equations(mm.formula(mm.transposed(nu), mm.inverse(S), nu, mm.op("<"),
-                              mm.power(mm.value(f"{sigma:g}"), "<mn>2</mn>")))
-        if images
-        else ""
-    )  # fmt: skip
-    return (
-        equation
-        + _line(f"{found} of {len(record.matches)} found.")
-        + _table(rows, "<tr><th>feature</th><th>positions</th><th>NCC</th><th></th></tr>")
-        + _more(len(record.matches))
-    )
-
-
-def _gated(associations: tuple[Association, ...]) -> str:
-    judged = [a for a in associations if a.d2 is not None and a.gate is not None]
-    rows = ""
-    for a in sorted(judged, key=lambda a: -(a.d2 or 0.0))[:LISTED]:
-        assert a.d2 is not None and a.gate is not None
-        colour = HEX[STATE_OF_VERDICT[a.verdict]]
-        words = gate_words(a.d2, a.gate, a.dof, a.confidence).partition(" (")[0]
-        verdict = f'<td style="color:{colour}">{a.verdict}</td>'
-        rows += f"<tr><td>{a.label}</td>{verdict}<td>{words}</td></tr>"
-    return _table(rows) + _more(len(judged))
-
-
-def _odd_ones(associations: tuple[Association, ...]) -> str:
-    """Those that passed their own gate and were left out because of the others."""
-    return "".join(
-        f'<tr><td>{a.label}</td><td style="color:{HEX["rejected"]}">{escape(a.why)}</td></tr>'
-        for a in associations
-        if a.verdict == "rejected" and a.d2 is not None and a.gate is not None and a.d2 < a.gate
-    )
-
-
-def _associate(record: PhaseRecord, before: World, trace: Trace) -> str:
-    nu, S = mm.symbol("ν", True), mm.symbol("S", True)
-    E, R = mm.symbol("E", True), mm.symbol("R", True)
-    judged = [a for a in record.associations if a.gate is not None]
-    gate = ""
-    if judged:
-        a = judged[0]
-        gate = _line(f"Gate: d2 &lt; {a.gate:.2f} ({a.dof} DoF, {100 * a.confidence:.4g} %).")
-    return (
-        _equations(mm.formula(mm.power(mm.symbol("d"), "<mn>2</mn>"), mm.op("="),
-                              mm.transposed(nu), mm.inverse(S), nu, mm.op(","), S, mm.op("="), E,
-                              mm.op("+"), R))
-        + (gate or _line("No match to judge."))
-        + _gated(record.associations)
-    )  # fmt: skip
-
-
-def _update(record: PhaseRecord, before: World, trace: Trace) -> str:
-    x, P, K = mm.symbol("x", True), mm.symbol("P", True), mm.symbol("K", True)
-    H, S, nu = mm.symbol("H", True), mm.symbol("S", True), mm.symbol("ν", True)
-    used = [a for a in record.associations if a.verdict == "accepted" and a.nu is not None]
-    if not used:
-        return _line("No accepted match: the state stays as it was predicted.")
-    size = float(np.linalg.norm(np.concatenate([a.nu for a in used if a.nu is not None])))
-    kind = record.world.policies.update.kind
-    units = set(record.world.mounts[used[0].mount].sensor.units)
-    unit = f" {escape(units.pop())}" if len(units) == 1 else ""
-    equations = _equations(
-        mm.formula(K, mm.op("="), P, mm.transposed(H), mm.inverse(S)),
-        mm.formula(x, ARROW, x, mm.op("+"), K, nu),
-        mm.formula(P, ARROW, P, mm.op("−"), K, S, mm.transposed(K)),
-    )
-    tables = "".join(_robot_table(r, before, record.world) for r in record.world.robots.values())
-    return (
-        equations
-        + _line(f"{len(used)} matches, {kind}, ‖ν‖ = {number(size)}{unit}.")
-        + _table(_odd_ones(record.associations))
-        + tables
-        + _numbers(record.numbers, ("accepted",))
-    )
-
-
-def _manage(record: PhaseRecord, before: World, trace: Trace) -> str:
-    if not record.events:
-        return _line("No feature was born, converted or deleted.") + _numbers(record.numbers)
-    rows = "".join(
-        f'<tr><td>{e.kind}</td><td style="text-align:left">{escape(e.text)}</td></tr>'
-        for e in record.events[:LISTED]
-    )
-    y, g, J = mm.symbol("y", True), mm.symbol("g", True), mm.symbol("J", True)
-    xp, z, P = mm.symbol("x", True, "p"), mm.symbol("z", True), mm.symbol("P", True)
-    born = any(e.kind == "born" for e in record.events)
-    equations = (
-        _equations(
-            mm.formula(y, mm.op("="), g, mm.op("("), xp, mm.op(","), z, mm.op(")")),
-            mm.formula(P, ARROW, J, P, mm.transposed(J), mm.op("+"), mm.symbol("R", True, "yz")),
-        )
-        if born
-        else ""
-    )
-    return equations + _table(rows) + _more(len(record.events)) + _numbers(record.numbers)
-
-
-BODIES: Mapping[str, Callable[[PhaseRecord, World, Trace], str]] = {
-    "predict": _predict,
-    "internal": _internal,
-    "select": _select,
-    "search": _search,
-    "associate": _associate,
-    "update": _update,
-    "manage": _manage,
-}
-"""What is said about each phase."""
