@@ -106,7 +106,7 @@ def ellipsoids(port: int, count: int = 1000, updates: int = 100) -> list[float]:
     """CPU milliseconds of the whole process for an update of `count` ellipsoids, from their
     covariances to the wire, with one client attached."""
     server = gate.guarded_server("127.0.0.1", port, None)
-    layer = Ellipsoids(server, lambda _: None)
+    layer = Ellipsoids(server, nobody_clicks)
     command = [sys.executable, "-m", "benchmarks.page", "--listen", "--port", str(port)]
     other = subprocess.Popen(command)
     while not server.get_clients():
@@ -130,6 +130,9 @@ def ellipsoids(port: int, count: int = 1000, updates: int = 100) -> list[float]:
     other.terminate()
     server.stop()
     return out[10:]
+
+
+async def nobody_clicks(_: object) -> None: ...
 
 
 def listen(port: int) -> None:
