@@ -44,6 +44,14 @@ def test_the_readme_names_every_preset_and_key() -> None:
     assert [key for key in report(session, 1.0) if f"`{key}`" not in README] == []
 
 
+def test_the_page_about_ones_own_models_quotes_the_examples() -> None:
+    page = (ROOT / "docs" / "own_model.md").read_text(encoding="utf-8")
+    files = [f.read_text(encoding="utf-8") for f in sorted((ROOT / "examples").glob("my_*.py"))]
+    quotes = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    assert len(quotes) > 10
+    assert [q for q in quotes if not any(q in text for text in files)] == []
+
+
 def test_the_table_of_models_is_complete() -> None:
     text = (ROOT / "docs" / "models.md").read_text(encoding="utf-8")
     rows = {m[1]: m[2] for m in re.finditer(r"^\| `([^`]+)` \|(.*)$", text, re.MULTILINE)}
