@@ -111,7 +111,7 @@ def head_html(p: Published, page: Page) -> str:
         text = escape(p.message)
         about = p.experiment.about
         # What a scenario is about is said nowhere else then: it is not cut.
-        lines = "" if about and p.message.startswith(about) else " two"
+        lines = " about" if about and p.message.startswith(about) else " two"
         message = f'<div class="d{lines}" title="{text}" style="margin-top:2px">{text}</div>'
     return style.block(
         '<div class="row" style="margin:2px 0 8px;white-space:nowrap">'

@@ -71,7 +71,7 @@ STYLE_SHEET = """<style>
 :root[data-mantine-color-scheme=light]{--ink:#1b2430;--dim:#5a6778;--soft:#39465a;--rule:#dbe1e9;
 --card:#f4f6f9;--key:#eef1f5;--frame:#b4bfcd}
 .e{font:12.5px/1.5 -apple-system,BlinkMacSystemFont,"Segoe UI",Roboto,"Helvetica Neue",Arial,
-sans-serif;color:var(--ink);padding:0 10px;font-variant-numeric:tabular-nums}
+sans-serif;color:var(--ink);padding:0 13px 0 10px;font-variant-numeric:tabular-nums}
 .e b{font-weight:600}.e .d{color:var(--dim)}
 .e .row{display:flex;justify-content:space-between;align-items:center;gap:10px}
 .e .h{font-size:10.5px;letter-spacing:.07em;text-transform:uppercase;color:var(--dim);
@@ -111,6 +111,11 @@ border:1px solid var(--rule);border-radius:6px;padding:5px 4px 4px 12px;max-widt
 line-height:1.35}
 .mantine-Flex-root>div:has(>p>label){width:7.4em!important}
 p:has(>label){overflow-wrap:break-word!important}p:has(>label) wbr{display:none}
+@media(max-height:800px){.e .about{display:-webkit-box;-webkit-line-clamp:2;
+-webkit-box-orient:vertical;overflow:hidden}}
+@media(max-height:800px) and (min-width:48em){img[src^="blob:"]{
+max-height:calc(50vh - 115px)!important;width:auto!important;display:block;margin:0 auto}}
+.mantine-Tabs-tab{padding-inline:7px!important}
 @media(max-width:36em){.mantine-Paper-root[style*="bottom: 0px"][style*="width: 20em"],
 .mantine-Paper-root[style*="bottom: 0px"] div[style*="width: 20em"]{width:100%!important}}
 .u-legend{font-size:11px!important;margin:0!important}.u-title{font-size:12px!important;font-weight:600}
