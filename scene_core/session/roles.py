@@ -70,7 +70,7 @@ def swapped(
             return experiment, f"{known[role].title} is already '{name}'"
         return with_simulated(experiment, base, role, name)
     kind = _kind(role)
-    if name not in registry.models(kind) and name in registry.refused(kind):
+    if kind and name not in registry.models(kind) and name in registry.refused(kind):
         raise ParamError(registry.refused(kind)[name])
     if name not in known[role].options:
         raise ParamError(f"no model '{name}' for {role}: choose {', '.join(known[role].options)}")
@@ -99,14 +99,18 @@ def outdated(experiment: Experiment) -> list[tuple[str, str]]:
 def is_outdated(model: Any) -> bool:
     """Whether the file of a user's model was saved again, in a version that can be used."""
     cls = type(model)
+    if not guard.is_guarded(cls):
+        return False
     now = registry.models(registry.kind_of(model)).get(model.name)
-    return guard.is_guarded(cls) and now is not None and now is not cls
+    return now is not None and now is not cls
 
 
 def _kind(role: str) -> str:
+    """The kind of model a role is for; nothing for a role that is not a model's."""
     if role == LANDMARK:
         return "features"
-    return "motion" if role.endswith(".motion") else "sensors"
+    kinds = {"motion": "motion", "sensor": "sensors"}
+    return kinds.get(role.rpartition(".")[2], "")
 
 
 def _made(kind: str, name: str, old: Any) -> Any:

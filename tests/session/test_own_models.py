@@ -278,3 +278,26 @@ def test_without_a_model_before_it_the_page_says_what_to_do(folder: Path) -> Non
     after = session.without(mine)
     assert after.frame == 0 and "choose one, or save a corrected file" in after.message
     assert session.without(registry.model_class("motion", "impulse")).message == session.message
+
+
+def test_a_save_while_two_roles_use_the_model_swaps_both_and_the_truth(folder: Path) -> None:
+    sensor = (
+        "from dataclasses import dataclass\n"
+        "from scene_core.models.sensors.range_bearing import RangeBearing\n\n"
+        "@dataclass(frozen=True)\nclass Mine(RangeBearing):\n    name = 'mine'\n"
+    )
+    file = folder / "sensor.py"
+    file.write_text(sensor, encoding="utf-8")
+    library, session = Library(folder), Session(planar())
+    roles = ("estimator.mounts.scanner.sensor", "source.mounts.scanner.sensor")
+    for role in roles:
+        session.apply(SwapModel(role, "mine"))
+    session.advance()
+    features = len(session.world.features)
+    file.write_text(sensor + "# saved\n", encoding="utf-8")
+    said = library.refresh() + library.refresh()
+    assert session.renew(said) == 2 and session.message.count("new version") == 2
+    session.advance()
+    now = registry.model_class("sensors", "mine")
+    assert all(type(params.get(session.experiment, role)) is now for role in roles)
+    assert len(session.world.features) >= features and session.renew(()) == 0
