@@ -50,7 +50,9 @@ def correct(
         final = {a.label: a for a in verdicts if a.z is not None and a.label not in open_}
         _stacked(work, world, mount, found, final)
     normalise_robots(work, world)
-    normalise_features(work, world, [a.label for a in final.values() if a.verdict == "accepted"])
+    # Open features move with what they are correlated with; particles need their rays of length 1.
+    updated = {a.label for a in final.values() if a.verdict == "accepted"}
+    normalise_features(work, world, [*(updated | open_)])
     verdicts = tuple(final.get(a.label, a) for a in verdicts)
     numbers = {
         "accepted": float(sum(a.verdict == "accepted" for a in verdicts)),

@@ -134,8 +134,11 @@ def why_delete(world: World, feature: Feature) -> str:
     rules = world.policies.management
     if feature.carrier:
         return ""
-    if feature.particles is not None and feature.attempts >= rules.open_attempts:
-        return f"still open after {feature.attempts} searches"
+    if feature.particles is not None:
+        if feature.model.spent(feature.particles):
+            return f"only {len(feature.particles.w)} of its particles are left"
+        if feature.attempts >= rules.open_attempts:
+            return f"still open after {feature.attempts} searches"
     if feature.attempts < rules.min_attempts or (feature.known and not rules.delete_known):
         return ""
     if feature.matches < rules.min_match_ratio * feature.attempts:

@@ -422,12 +422,21 @@ class FeatureModel(ABC):
         """Homogeneous point of y (..., n) and lam (..., f)."""
         raise NotImplementedError(f"{self.name} has no free parameters")
 
+    def redefine_free(self, lam: Vec, xpdef: Vec) -> Vec:
+        """lam (K, f) in axes whose origin is the position state xpdef; unchanged unless it is told
+        in the axes of the world."""
+        return lam
+
     def moments(self, particles: Particles) -> tuple[Vec, Mat]:
         """Mean (f,) and covariance (f, f) of the free parameters."""
         lam, w = particles
         mean = w @ lam
         e = lam - mean
         return mean, (w[:, None] * e).T @ e
+
+    def spent(self, particles: Particles) -> bool:
+        """Whether so few particles are left that they say nothing: the feature is given up."""
+        return False
 
     def settled(self, y: Vec, particles: Particles) -> bool:
         """Whether the particles have collapsed far enough for `settle` to be linear."""

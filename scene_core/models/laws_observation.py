@@ -25,6 +25,7 @@ from scene_core.models.judge import (
     sample_pose,
 )
 from scene_core.models.laws_motion import DRAWS
+from scene_core.models.laws_partial import partial_laws
 
 COUNT = 12
 
@@ -165,7 +166,8 @@ def feature_laws(model: FeatureModel, rng: np.random.Generator) -> list[Law]:
         y = states()
         problems = [not_shaped("y", y, (len(X), n))]
         back = model.primitive(y).X
-        problems.append(projectively_equal("primitive(y)", back, space.to_world(xws, X).X))
+        if not model.free_labels:
+            problems.append(projectively_equal("primitive(y)", back, space.to_world(xws, X).X))
         if (back[:, -1] < 0.0).any():
             problems.append("w is negative")
         for x in X:
@@ -194,7 +196,7 @@ def feature_laws(model: FeatureModel, rng: np.random.Generator) -> list[Law]:
 
     def conversion() -> str:
         after = model.successor()
-        if after is None:
+        if after is None or model.free_labels:
             return ""
         y = states()
         converted = model.convert(y).y
@@ -234,6 +236,7 @@ def feature_laws(model: FeatureModel, rng: np.random.Generator) -> list[Law]:
         ("convert keeps the point, with its Jacobian", conversion),
         ("graphics and ready have the right shapes", drawing),
         ("batched is the same as one by one", batched),
+        *(partial_laws(model, rng) if model.free_labels else ()),
     ]
 
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene_core.arrays import Mat, Vec
+from scene_core.geometry.spaces import Space
 from scene_core.models.base import (
     Converted,
     FeatureModel,
@@ -102,23 +103,7 @@ class RayPoint(FeatureModel):
         return Ray(y[..., :d], m, x0_by_y, m_by_y)
 
     def first_view(self, xws: Vec, X: Vec) -> FirstView:
-        """u = R m / |m| and rho = w / |m| for the sensor pose xws (n,) and X = (m, w)."""
-        d = self.space.d
-        seen = self.space.to_world(xws, X)
-        m, w = X[..., :d], X[..., d]
-        length = np.sqrt(np.vecdot(m, m))
-        R = seen.by_X[..., :d, :d]
-        u = (seen.X[..., :d] - w[..., None] * self.space.position(xws)) / length[..., None]
-        u_by_xws = np.zeros((*u.shape, len(xws)))
-        u_by_xws[..., d:] = seen.by_xp[..., :d, d:] / length[..., None, None]
-        u_by_X = np.zeros((*u.shape, d + 1))
-        own = m / length[..., None]
-        along = np.eye(d) - own[..., :, None] * own[..., None, :]
-        u_by_X[..., :d] = R @ along / length[..., None, None]
-        rho_by_X = np.empty((*length.shape, d + 1))
-        rho_by_X[..., :d] = -(w / length**3)[..., None] * m
-        rho_by_X[..., d] = 1.0 / length
-        return FirstView(u, w / length, u_by_xws, u_by_X, rho_by_X)
+        return first_view(self.space, xws, X)
 
     def initialise(self, xws: Vec, X: Vec) -> Initialised:
         """y = (t, c(R m), w / |m|) for a sensor at t and X = (m, w)."""
@@ -192,6 +177,26 @@ class RayPoint(FeatureModel):
 
     def convert(self, y: Vec) -> Converted:
         return Converted(*self.place(y))
+
+
+def first_view(space: Space, xws: Vec, X: Vec) -> FirstView:
+    """u = R m / |m| and rho = w / |m| for the sensor pose xws (n,) and X = (m, w)."""
+    d = space.d
+    seen = space.to_world(xws, X)
+    m, w = X[..., :d], X[..., d]
+    length = np.sqrt(np.vecdot(m, m))
+    R = seen.by_X[..., :d, :d]
+    u = (seen.X[..., :d] - w[..., None] * space.position(xws)) / length[..., None]
+    u_by_xws = np.zeros((*u.shape, len(xws)))
+    u_by_xws[..., d:] = seen.by_xp[..., :d, d:] / length[..., None, None]
+    u_by_X = np.zeros((*u.shape, d + 1))
+    own = m / length[..., None]
+    along = np.eye(d) - own[..., :, None] * own[..., None, :]
+    u_by_X[..., :d] = R @ along / length[..., None, None]
+    rho_by_X = np.empty((*length.shape, d + 1))
+    rho_by_X[..., :d] = -(w / length**3)[..., None] * m
+    rho_by_X[..., d] = 1.0 / length
+    return FirstView(u, w / length, u_by_xws, u_by_X, rho_by_X)
 
 
 def linearity_index(m: Vec, rho: Vec, variance: Vec, ray: Vec) -> Vec:

@@ -1,0 +1,30 @@
+"""A point in a plane on a ray with particles over its depth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from scene_core.geometry.spaces import TWO_D
+from scene_core.models.base import FeatureModel
+from scene_core.models.features.point_2d import Point2D
+from scene_core.models.particle_ray import ParticleRay
+
+
+@dataclass(frozen=True)
+class PlanarRayWithParticles(ParticleRay):
+    """A bearing-only landmark of the plane: X = (r + lam u, 1), or (rho r + u, rho)
+
+    y = (rz, rx, uz, ux) [m, 1], |u| = 1; particles carry lam [m] or rho [1/m] until it is a 2-D
+    point.
+
+    Source: Davison, ICCV 2003, section 4, in the plane; Bailey, *Constrained Initialisation for
+    Bearing-Only SLAM*, ICRA 2003.
+    """
+
+    name = "planar ray with particles"
+    space = TWO_D
+    state_labels = ("rz", "rx", "uz", "ux")
+    state_units = ("m", "m", "", "")
+
+    def successor(self) -> FeatureModel:
+        return Point2D()
