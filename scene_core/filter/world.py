@@ -179,6 +179,23 @@ class Feature:
 
 
 @dataclass(frozen=True)
+class Axes:
+    """Where the axes of a world are in those the run began in, after they were redefined."""
+
+    pose: Vec
+    """(7,) as estimated."""
+    robot: str
+    """Where it was when they were put there."""
+    frame: int
+    lost: frozenset[str] = frozenset()
+    """Directions of the world that are not certain to be where they were: gravity, north, plane, or
+    any direction."""
+    true_pose: Vec | None = None
+    """(7,) in truth, which is told in the first axes: for display and metrics, never for the
+    filter; None: unknown."""
+
+
+@dataclass(frozen=True)
 class World:
     """Everything the estimator knows after some phase of some frame."""
 
@@ -193,6 +210,8 @@ class World:
     up: str = "z"
     """Which world axis points up: z or y."""
     next_label: Label = 1
+    axes: Axes | None = None
+    """None: those the run began in."""
 
     def xp(self, robot: str, hook: str = "base") -> Vec:
         """Position state of a robot's hook."""

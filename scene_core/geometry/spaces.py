@@ -385,6 +385,24 @@ def embed(xp: Vec, space: Space, up: str) -> tuple[Vec, Mat]:
     return out, J
 
 
+def flatten(xp: Vec, space: Space, up: str) -> tuple[Vec, Mat]:
+    """The position state (..., n) in `space` of a 3-D pose (..., 7) that lies in it, and its
+    Jacobian (..., n, 7): the left inverse of `embed`."""
+    if space.d == 3:
+        return xp, np.eye(7)
+    axes = _AXES[space.name, up]
+    out, J = np.zeros((*xp.shape[:-1], space.n)), np.zeros((*xp.shape[:-1], space.n, 7))
+    out[..., : space.d] = xp[..., :3] @ axes
+    J[..., : space.d, :3] = axes.T
+    if space.d == 2:
+        up_axis = 4 + "xyz".index(up)
+        c, s = xp[..., 3], xp[..., up_axis]
+        out[..., 2] = wrap(2.0 * np.arctan2(s, c))
+        length2 = c * c + s * s
+        J[..., 2, 3], J[..., 2, up_axis] = -2.0 * s / length2, 2.0 * c / length2
+    return out, J
+
+
 def embed_points(points: Vec, space: Space, up: str) -> Vec:
     """Points (..., d) of `space` in 3-D world axes (..., 3), see `embed`."""
     return points @ _AXES[space.name, up].T
