@@ -15,6 +15,7 @@ import numpy as np
 from scene_core.models.base import FeatureModel, InternalMeasurementModel, MotionModel, Sensor
 from scene_core.models.guard import is_guarded, unbatched, watched
 from scene_core.models.judge import Law, Line, Report, run
+from scene_core.models.laws_lines import line_laws
 from scene_core.models.laws_motion import internal_laws, motion_laws
 from scene_core.models.laws_observation import feature_laws, sensor_laws
 from scene_core.models.registry import kind_of
@@ -89,7 +90,8 @@ def _laws(model: Any, rng: np.random.Generator) -> list[Law]:
         case Sensor():
             return sensor_laws(model, rng)
         case FeatureModel():
-            return feature_laws(model, rng)
+            segment = model.shape == "segment"
+            return line_laws(model, rng) if segment else feature_laws(model, rng)
         case InternalMeasurementModel():
             return internal_laws(model, rng)
         case _:

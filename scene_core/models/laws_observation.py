@@ -125,8 +125,8 @@ def sensor_laws(model: Sensor, rng: np.random.Generator) -> list[Law]:
         X = points()
         return first(
             [
-                _batched_like_looped("project", model.project, (X, k0), (True, False)),
-                _batched_like_looped("backproject", model.backproject, (z, n, k0), (1, 1, 0)),
+                batched_like_looped("project", model.project, (X, k0), (True, False)),
+                batched_like_looped("backproject", model.backproject, (z, n, k0), (1, 1, 0)),
             ]
         )
 
@@ -146,7 +146,7 @@ def feature_laws(model: FeatureModel, rng: np.random.Generator) -> list[Law]:
     """The laws of a feature model, ready to be tried."""
     n, angles, space = model.state_size, angles_of(model.state_units), model.space
     xws, xpdef = sample_pose(space, rng), sample_pose(space, rng)
-    X = _rays(space, rng)
+    X = rays(space, rng)
 
     def states() -> Vec:
         return model.initialise(xws, X).y
@@ -221,9 +221,9 @@ def feature_laws(model: FeatureModel, rng: np.random.Generator) -> list[Law]:
         y = states()
         return first(
             [
-                _batched_like_looped("initialise", model.initialise, (xws, X), (False, True)),
-                _batched_like_looped("primitive", model.primitive, (y,), (True,)),
-                _batched_like_looped("redefine", model.redefine, (y, xpdef), (True, False)),
+                batched_like_looped("initialise", model.initialise, (xws, X), (False, True)),
+                batched_like_looped("primitive", model.primitive, (y,), (True,)),
+                batched_like_looped("redefine", model.redefine, (y, xpdef), (True, False)),
             ]
         )
 
@@ -240,14 +240,14 @@ def feature_laws(model: FeatureModel, rng: np.random.Generator) -> list[Law]:
     ]
 
 
-def _rays(space: Space, rng: np.random.Generator) -> Vec:
+def rays(space: Space, rng: np.random.Generator) -> Vec:
     X = rng.standard_normal((COUNT, space.d + 1))
     X[:, :-1] /= np.linalg.norm(X[:, :-1], axis=-1, keepdims=True)
     X[:, -1] = rng.uniform(0.2, 1.5, COUNT)
     return X
 
 
-def _batched_like_looped(
+def batched_like_looped(
     name: str, function: Callable[..., Any], args: tuple[Vec, ...], batch: tuple[bool | int, ...]
 ) -> str:
     """Why a batch gives something else than its rows one by one, or nothing."""

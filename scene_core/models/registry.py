@@ -21,6 +21,7 @@ from scene_core.models.base import (
     MotionModel,
     Sensor,
 )
+from scene_core.models.segments import seen_by
 
 KINDS: Mapping[str, type[Any]] = MappingProxyType(
     {
@@ -123,6 +124,8 @@ def observable(sensor: Sensor, feature: FeatureModel) -> str | None:
             f"'{sensor.name}' measures {sensor.space.name} points, '{feature.name}' is a "
             f"{feature.space.name} point"
         )
+    if feature.shape == "segment":
+        return seen_by(sensor)
     return None
 
 

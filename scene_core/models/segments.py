@@ -16,13 +16,15 @@ the plane of an ideal pinhole); Solà et al., IJCV 2012.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from scene_core.arrays import Mat, Vec
-from scene_core.geometry.spaces import Space
+from scene_core.geometry.spaces import Moved, Space
 from scene_core.models.base import Backprojection, Sensor, completed
+from scene_core.models.plucker import cross_matrix
 
 LABELS = ("nx", "ny", "nz")
 """What is predicted of a line."""
@@ -58,7 +60,16 @@ def seen_by(sensor: Sensor) -> str | None:
 
 def to_local(space: Space, xp: Vec, X: Vec) -> tuple[Vec, Mat, Mat]:
     """Both points of segments X (..., 8) seen from xp, with Jacobians by xp and by X."""
-    first, second = space.to_local(xp, X[..., :4]), space.to_local(xp, X[..., 4:])
+    return _moved(space.to_local, xp, X)
+
+
+def to_world(space: Space, xp: Vec, X: Vec) -> tuple[Vec, Mat, Mat]:
+    """Both points of segments X (..., 8) seen from xp, in the frame in which xp is given."""
+    return _moved(space.to_world, xp, X)
+
+
+def _moved(move: Callable[[Vec, Vec], Moved], xp: Vec, X: Vec) -> tuple[Vec, Mat, Mat]:
+    first, second = move(xp, X[..., :4]), move(xp, X[..., 4:])
     moved = np.concatenate([first.X, second.X], axis=-1)
     by_X = np.zeros((*first.by_X.shape[:-2], 8, 8))
     by_X[..., :4, :4], by_X[..., 4:, 4:] = first.by_X, second.by_X
@@ -77,8 +88,8 @@ def normal(X: Vec) -> Normal:
     n = c / length
     project = (np.eye(3) - n[..., :, None] * n[..., None, :]) / length[..., None]
     by_X = np.zeros((*n.shape, 8))
-    by_X[..., :3] = -project @ _cross_matrix(m2)
-    by_X[..., 4:7] = project @ _cross_matrix(m1)
+    by_X[..., :3] = -project @ cross_matrix(m2)
+    by_X[..., 4:7] = project @ cross_matrix(m1)
     return Normal(n, by_X)
 
 
@@ -125,11 +136,3 @@ def _rays(sensor: Sensor, z: Vec, k: Vec, n: Vec | None = None) -> Backprojectio
     if n is None:
         n = np.zeros((*z.shape[:-1], 1))
     return completed(sensor.backproject(z, n, k), sensor.backproject, z, n, k)
-
-
-def _cross_matrix(v: Vec) -> Mat:
-    """[v]x (..., 3, 3), so that [v]x a = v x a."""
-    out = np.zeros((*v.shape, 3))
-    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
-    out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = v[..., 2], -v[..., 1], v[..., 0]
-    return out

@@ -1,0 +1,52 @@
+"""A line as its Plücker coordinates in the world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from scene_core.arrays import Vec
+from scene_core.models import plucker
+from scene_core.models.base import Initialised, Normalised, Primitive, Redefined
+from scene_core.models.straight_line import StraightLine
+
+
+@dataclass(frozen=True)
+class PluckerLine(StraightLine):
+    """The normal of the plane through origin and line, and the line's direction: y = (n, v)
+
+    y = (nx, ny, nz, vx, vy, vz) [1, 1/m], n = p x v for every point p of the line, n . v = 0, which
+    is imposed again after every update. From a view r1, r2 of both ends in a sensor at (R, t)
+    n = R (r1 x r2) + t x v, v = R (rho1 r2 - rho2 r1), both divided by |r1 x r2|: the scale is that
+    of the first view, where |v| is the inverse distance. Linear in rho, which a first view leaves
+    to the prior N(rho_mean, rho_sd^2); v = 0 is a line at infinity. t counts metres from the point
+    nearest to the origin.
+
+    Source: Solà, Vidal-Calleja, Civera, Montiel, *Impact of landmark parametrization on monocular
+    EKF-SLAM with points and lines*, IJCV 2012, "PL"; the toolbox's landmark "plkLin".
+    """
+
+    name = "Plücker line"
+    state_labels = ("nx", "ny", "nz", "vx", "vy", "vz")
+    state_units = ("", "", "", "1/m", "1/m", "1/m")
+
+    def initialise(self, xws: Vec, X: Vec) -> Initialised:
+        """The line seen by the sensor at xws, at a unit normal there, moved to the world."""
+        in_sensor, by_X = plucker.join(X)
+        scaled, by_L = plucker.unit_normal(in_sensor)
+        seen = plucker.to_world(xws, scaled)
+        return Initialised(seen.L, seen.by_xp, seen.by_L @ by_L @ by_X)
+
+    def primitive(self, y: Vec) -> Primitive:
+        L, by_y = plucker.orthogonal(y)
+        X, by_L = plucker.pair(L)
+        return Primitive(X, by_L @ by_y)
+
+    def redefine(self, y: Vec, xpdef: Vec) -> Redefined:
+        seen = plucker.to_local(xpdef, y)
+        return Redefined(seen.L, seen.by_L, seen.by_xp)
+
+    def normalise(self, y: Vec) -> Normalised:
+        return Normalised(*plucker.orthogonal(y))
+
+    def ruler(self, y: Vec) -> Vec:
+        return plucker.ruler(y)

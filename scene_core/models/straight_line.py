@@ -1,0 +1,90 @@
+"""Straight lines as landmarks: what all of them have in common.
+
+A line has a ruler: the homogeneous points X(0) and X(1), which say where t = 0 and t = 1 are;
+X(t) = X(0) + t (X(1) - X(0)) are the others. How far the segment that was seen reaches along its
+line is told by two such t, outside the filter.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from scene_core.arrays import Mat, Vec
+from scene_core.geometry.numdiff import central_differences
+from scene_core.geometry.spaces import THREE_D
+from scene_core.models.base import FeatureModel, Glyphs
+from scene_core.params import param
+
+
+@dataclass(frozen=True)
+class StraightLine(FeatureModel):
+    """A line of which a first view leaves the inverse distance of both ends to the prior
+    N(rho_mean, rho_sd^2).
+
+    Source: Solà, *An EKF-SLAM toolbox in Matlab*, line landmarks and its `userDataLin`.
+    """
+
+    space = THREE_D
+    shape = "segment"
+    unmeasured = ("rho",)
+
+    rho_mean: float = param(
+        0.1, unit="1/m", lo=1e-6, hi=100.0, soft=(0.001, 2.0), effect="next feature", label="Prior"
+    )
+    """Inverse distance of either end of a new line."""
+    rho_sd: float = param(
+        0.5,
+        unit="1/m",
+        lo=1e-6,
+        hi=100.0,
+        soft=(0.01, 2.0),
+        effect="next feature",
+        label="Prior sd",
+    )
+    """Its standard deviation: two of them should reach the inverse of the nearest distance."""
+    far: float = param(20.0, unit="m", lo=0.1, hi=1e5, soft=(2.0, 100.0), label="Drawn to")
+    """An end is drawn no farther away than this."""
+
+    def prior(self) -> tuple[Vec, Mat]:
+        return np.full(2, self.rho_mean), self.rho_sd**2 * np.eye(2)
+
+    @abstractmethod
+    def ruler(self, y: Vec) -> Vec:
+        """X(0) and X(1) (..., 8)."""
+
+    def ends(self, y: Vec, t: Vec) -> Vec:
+        X = self.ruler(y)
+        zero, step = X[..., :4], X[..., 4:] - X[..., :4]
+        return np.concatenate([zero + t[..., :1] * step, zero + t[..., 1:] * step], axis=-1)
+
+    def along(self, y: Vec, origin: Vec, rays: Vec) -> Vec:
+        """Where the plane through a ray and at right angles to the plane of `origin` and line cuts
+        the line: the place in the direction nearest to the ray's."""
+        X = self.ruler(y)
+        zero = X[..., :3] - X[..., 3:4] * origin
+        step = X[..., 4:7] - X[..., 7:8] * origin - zero
+        across = np.cross(rays, np.cross(zero, step)[..., None, :])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return -np.vecdot(across, zero[..., None, :]) / np.vecdot(across, step[..., None, :])
+
+    def graphics(self, y: Vec, Pyy: Mat) -> Glyphs:
+        """The ends t = 0 and 1, and the middle with its first-order ellipsoid."""
+        ends, _ = self.drawn(y, Pyy, np.broadcast_to((0.0, 1.0), (*y.shape[:-1], 2)))
+        middle, cov = self.drawn(y, Pyy, np.full((*y.shape[:-1], 2), 0.5))
+        return Glyphs(middle[..., 0, :], cov[..., 0, :, :], ends)
+
+    def drawn(self, y: Vec, Pyy: Mat, t: Vec) -> tuple[Vec, Mat]:
+        """The places (..., 2, 3) of both ends t (..., 2), and their covariances (..., 2, 3, 3)."""
+
+        def places(y: Vec) -> Vec:
+            X = self.ends(y, t).reshape(*y.shape[:-1], 2, 4)
+            p = X[..., :3] / np.maximum(X[..., 3:], 1.0 / self.far)
+            return p.reshape(*y.shape[:-1], 6)
+
+        J = central_differences(places, (y,), 0)
+        P = J @ Pyy @ np.swapaxes(J, -1, -2)
+        P = np.stack([P[..., :3, :3], P[..., 3:, 3:]], axis=-3)
+        return places(y).reshape(*y.shape[:-1], 2, 3), 0.5 * (P + np.swapaxes(P, -1, -2))
