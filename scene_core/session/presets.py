@@ -78,7 +78,7 @@ def room() -> Experiment:
         sd_grows_to_corner=False,
         border=12.0,
     )
-    hand, dt = HandHeld(), 1.0 / 30.0
+    hand, dt = HandHeld(sd_accel=2.0, sd_ang_accel=5.0), 1.0 / 30.0
     motion = Impulse(sd_accel=hand.sd_accel, sd_ang_accel=hand.sd_ang_accel)
     # The truth starts around what the estimator believes, as far off as the estimator says.
     start, start_sd = hand.start(motion, dt), HAND_START_SD
@@ -105,8 +105,8 @@ def room() -> Experiment:
             up="z",
         ),
         source=Simulation(
-            # A repeat fine enough to be taken for its neighbour now and then.
-            world=TexturedRoom(pattern=0.11),
+            # A lively hand must be searched for; a fine repeat is taken for its neighbour.
+            world=TexturedRoom(pattern=0.08),
             robots={"hand": TrueRobot(motion, hand, start, start_sd)},
             mounts={"camera": TrueMount(replace(camera, border=0.0), "hand", own_axes)},
             rendering=Rendering(),
