@@ -9,6 +9,7 @@ from typing import Any
 from scene_core import params
 from scene_core.models import guard, registry
 from scene_core.models.library import carried
+from scene_core.models.segments import seen_by
 from scene_core.params import ParamError
 from scene_core.session.config import Experiment, MountSettings, RobotSettings
 from scene_core.session.fit import fitted
@@ -22,6 +23,9 @@ CHOICES = {
     "estimator.policies.update.kind": "Update",
 }
 LANDMARK = "estimator.policies.landmark"
+LINE = "estimator.policies.line"
+NO_LINES = "none"
+"""Lines are seen by nobody and not mapped."""
 
 
 def role_options(experiment: Experiment) -> tuple[RoleOptions, ...]:
@@ -38,8 +42,12 @@ def role_options(experiment: Experiment) -> tuple[RoleOptions, ...]:
         role = f"estimator.mounts.{name}.sensor"
         out.append(RoleOptions(role, f"Sensor {name}", mount.sensor.name, options))
     landmark = estimator.policies.landmark
-    options = _names("features", space=landmark.space)
+    options = _names("features", space=landmark.space, shape="point")
     out.append(RoleOptions(LANDMARK, "New landmarks", landmark.name, options))
+    if any(seen_by(mount.sensor) is None for mount in estimator.mounts.values()):
+        line = estimator.policies.line
+        options = (NO_LINES, *_names("features", shape="segment"))
+        out.append(RoleOptions(LINE, "New lines", line.name if line else NO_LINES, options))
     specs = {s.path: s for s in params.schema(estimator.policies, "estimator.policies")}
     for path, title in CHOICES.items():
         out.append(RoleOptions(path, title, specs[path].value, specs[path].choices or ()))
@@ -78,6 +86,8 @@ def swapped(
         return experiment, f"{known[role].title} is already '{name}'"
     if role == LANDMARK:
         return _with_landmark(experiment, base, name), ""
+    if role == LINE:
+        return _with_line(experiment, base, name), ""
     owner_path = role.rpartition(".")[0]
     owner, original = params.get(experiment, owner_path), params.get(base, owner_path)
     if role.endswith(".motion"):
@@ -98,6 +108,8 @@ def outdated(experiment: Experiment) -> list[tuple[str, str]]:
 
 def is_outdated(model: Any) -> bool:
     """Whether the file of a user's model was saved again, in a version that can be used."""
+    if model is None:
+        return False
     cls = type(model)
     if not guard.is_guarded(cls):
         return False
@@ -107,7 +119,7 @@ def is_outdated(model: Any) -> bool:
 
 def _kind(role: str) -> str:
     """The kind of model a role is for; nothing for a role that is not a model's."""
-    if role == LANDMARK:
+    if role in (LANDMARK, LINE):
         return "features"
     kinds = {"motion": "motion", "sensor": "sensors"}
     return kinds.get(role.rpartition(".")[2], "")
@@ -117,6 +129,8 @@ def _made(kind: str, name: str, old: Any) -> Any:
     """A model with its defaults; the new version of `old`, or a sensor that can not be fitted to
     it, with the parameters of the same name that are not at their defaults."""
     cls = registry.model_class(kind, name)
+    if old is None:
+        return cls()
     keeps = old.name == name or (kind == "sensors" and not hasattr(cls, "with_calib"))
     return carried(old, cls) if keeps else cls()
 
@@ -152,6 +166,21 @@ def _with_landmark(experiment: Experiment, base: Experiment, name: str) -> Exper
         if reason:
             raise ParamError(reason)
     return params.put(experiment, LANDMARK, model)
+
+
+def _with_line(experiment: Experiment, base: Experiment, name: str) -> Experiment:
+    """New lines in another parametrisation, or none; one sensor that sees them is enough."""
+    if name == NO_LINES:
+        return params.put(experiment, LINE, None)
+    original, old = (e.estimator.policies.line for e in (base, experiment))
+    if original is not None and original.name == name and not is_outdated(original):
+        model = original
+    else:
+        model = _made("features", name, old)
+    reasons = [registry.compatible(m.sensor, model) for m in experiment.estimator.mounts.values()]
+    if all(reasons):
+        raise ParamError(str(reasons[0]))
+    return params.put(experiment, LINE, model)
 
 
 def _with_motion(settings: RobotSettings, original: RobotSettings, name: str) -> RobotSettings:

@@ -190,24 +190,39 @@ def _plus(gauss: Gaussian, block: str, Q: Mat) -> Gaussian:
 
 
 def with_policies(world: World, new: EstimatorSettings) -> tuple[World, list[str]]:
-    """Other policies. Features keep their parametrisation; those of the edited one take over the
+    """Other policies. Features keep their parametrisation; those of an edited one take over the
     fields that act at once (the others hold for new features only)."""
-    before, after = world.policies.landmark, new.policies.landmark
-    world = replace(world, policies=new.policies)
-    if before is after:
-        return world, []
-    if type(before) is not type(after):
-        n = sum(not f.known for f in world.features.values())
-        return world, [f"new features by '{after.name}'; the {n} in the map stay as they are"]
+    before, after = world.policies, new.policies
+    world = replace(world, policies=after)
+    notes: list[str] = []
+    for shape, old, now in (
+        ("point", before.landmark, after.landmark),
+        ("segment", before.line, after.line),
+    ):
+        if old is now:
+            continue
+        if now is not None and type(old) is type(now):
+            world = with_edited(world, now)
+            continue
+        of_shape = [f for f in world.features.values() if f.model.shape == shape]
+        n = sum(not f.known for f in of_shape)
+        what = "features" if shape == "point" else "lines"
+        begins = f"no new {what}" if now is None else f"new {what} by '{now.name}'"
+        notes.append(f"{begins}; the {n} in the map stay as they are")
+    return world, notes
+
+
+def with_edited(world: World, edited: FeatureModel) -> World:
+    """The features of a parametrisation with those of its new parameters that act at once."""
     models: dict[int, FeatureModel] = {}
     features = {}
     for label, feature in world.features.items():
         model = feature.model
-        if type(model) is type(after):
+        if type(model) is type(edited):
             # One value for all of them: features are batched by the identity of their model.
-            model = models.setdefault(id(model), acting_at_once(model, after))
+            model = models.setdefault(id(model), acting_at_once(model, edited))
         features[label] = replace(feature, model=model)
-    return replace(world, features=features), []
+    return replace(world, features=features)
 
 
 _T = TypeVar("_T", bound=Any)

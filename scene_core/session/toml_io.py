@@ -7,6 +7,7 @@ the scenario is marked. Reading gives an equal experiment, so a run is repeated 
 from __future__ import annotations
 
 import textwrap
+import types
 from collections.abc import Mapping
 from dataclasses import Field, fields, is_dataclass
 from pathlib import Path
@@ -112,11 +113,13 @@ def _dataclass(
     value: Any, old: Any, hint: Any, labels: Mapping[str, str], is_seed_known: bool = False
 ) -> Table:
     out = tomlkit.table()
+    hint = _not_none(hint)
     found = polymorphic.variants(hint)
     if found is not None:
         item = tomlkit.item(polymorphic.word(hint, value))
         if old is not MISSING and type(old) is not type(value):
-            item.comment(f"changed, preset: {_shown(polymorphic.word(hint, old))}")
+            had = None if old is None else polymorphic.word(hint, old)
+            item.comment(f"changed, preset: {_shown(had)}")
         out.add(found[0], item)
     base = old if type(old) is type(value) else None
     _write_fields(out, value, base, labels, is_seed_known)
@@ -151,6 +154,12 @@ def _write_rows(table: Any, f: Field[Any], value: tuple[Any, ...], old: Any) -> 
         _write_fields(row, one, before, {})
         rows.append(row)
     table.add(f.name, rows)
+
+
+def _not_none(hint: Any) -> Any:
+    """X of X | None."""
+    known = [one for one in get_args(hint) if one is not type(None)]
+    return known[0] if isinstance(hint, types.UnionType) else hint
 
 
 def _value_hint(hint: Any) -> Any:

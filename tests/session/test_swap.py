@@ -6,13 +6,17 @@ import numpy as np
 import pytest
 
 from scene_core import params
+from scene_core.filter.world import Feature
 from scene_core.models.sensors.pinhole import Pinhole
 from scene_core.models.sensors.wide_angle import WideAngle
 from scene_core.params import ParamError
 from scene_core.session import presets
 from scene_core.session.commands import SetParam, SwapModel, Undo
+from scene_core.session.config import Experiment
 from scene_core.session.fit import fitted
+from scene_core.session.roles import role_options
 from scene_core.session.session import Session
+from scene_core.sources.buildings import House
 
 MOTION = "estimator.robots.robot.motion"
 SENSOR = "estimator.mounts.camera.sensor"
@@ -195,3 +199,42 @@ def test_the_true_sensor_can_be_swapped_too(session: Session) -> None:
     source = session.experiment.source
     assert source.mounts["camera"].sensor.name == "Civera"  # type: ignore[attr-defined]
     assert session.world.mounts["camera"].sensor.name == "pinhole"
+
+
+LINE = "estimator.policies.line"
+
+
+def test_lines_are_mapped_from_the_next_frame_on_and_left_again() -> None:
+    session = Session(with_house(presets.build("cloister")))
+    session.advance()
+    assert not lines_of(session)
+    session.apply(SwapModel(LINE, "inverse depth line"))
+    assert session.message == "new lines by 'inverse depth line'; the 0 in the map stay as they are"
+    for _ in range(3):
+        session.advance()
+    mapped = lines_of(session)
+    assert mapped and {f.model.name for f in mapped} == {"inverse depth line"}
+    session.apply(SetParam(f"{LINE}.far", 7.0))
+    session.advance()
+    assert {f.model.far for f in lines_of(session)} == {7.0}  # type: ignore[attr-defined]
+    session.apply(SwapModel(LINE, "none"))
+    assert session.message.startswith("no new lines; the ")
+    count = len(lines_of(session))
+    session.advance()
+    assert len(lines_of(session)) == count
+
+
+def test_points_and_lines_are_chosen_apart() -> None:
+    roles = {r.role: r for r in role_options(presets.build("cloister"))}
+    assert roles[LINE].current == "none" and "Plücker line" in roles[LINE].options
+    assert "Plücker line" not in roles["estimator.policies.landmark"].options
+    assert LINE not in {r.role for r in role_options(presets.build("nomad"))}
+
+
+def with_house(experiment: Experiment) -> Experiment:
+    """The same run round a house."""
+    return params.put(experiment, "source.world", House())
+
+
+def lines_of(session: Session) -> list[Feature]:
+    return [f for f in session.world.features.values() if f.model.shape == "segment"]
