@@ -312,9 +312,13 @@ def list_presets(options: Presets) -> None:
     if not options.name:
         if options.toml:
             raise ParamError("--toml writes one scenario: give its name, e.g. scene presets room")
+        group = ""
         for preset in presets.PRESETS.values():
+            if preset.group != group:
+                print(f"{preset.group}:")
+                group = preset.group
             needs = f" (needs {preset.needs})" if preset.needs else ""
-            print(f"{preset.name:<14}{preset.about}{needs}")
+            print(f"  {preset.name:<20}{preset.about}{needs}")
         return
     preset = presets.named(options.name)
     if not options.toml:

@@ -34,13 +34,11 @@ from scene_core.session.config import (
     MountSettings,
     RobotSettings,
 )
+from scene_core.session.presets_parts import ALL
 from scene_core.sources.mrpt import Mrpt, find_log
 from scene_core.sources.planar_mono import PlanarMono
 from scene_core.sources.starry_night import StarryNight
 from scene_core.sources.tagbox import Tagbox
-
-ALL = 500
-"""A number of features that stands for: as many as there are."""
 
 ABOUT: Mapping[str, str] = {
     "mrpt": "MRPT's own EKF-SLAM demonstration, in the plane or in space: watch ellipses of 4 cm "

@@ -29,7 +29,7 @@ from scene_core.session.config import (
     MountSettings,
     RobotSettings,
 )
-from scene_core.session.presets_identified import ALL
+from scene_core.session.presets_parts import ALL
 from scene_core.sources.calibration import Calibration, load_calibration
 from scene_core.sources.datasets import Mrclam
 from scene_core.sources.images import ImageSequence, video_frame_rate

@@ -72,7 +72,8 @@ def test_config_repeats_a_run(capsys: pytest.CaptureFixture[str], tmp_path: Path
 
 def test_presets_are_listed_and_written(capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = run(capsys, "presets")
-    assert code == 0 and [row.split()[0] for row in out.splitlines()] == list(presets.PRESETS)
+    listed = [row.split()[0] for row in out.splitlines() if row.startswith("  ")]
+    assert code == 0 and listed == list(presets.PRESETS)
     code, out, _ = run(capsys, "presets", "nomad", "--toml")
     assert code == 0 and toml_io.loads(out) == presets.build("nomad")
     code, out, _ = run(capsys, "presets", "mrclam")

@@ -1,0 +1,157 @@
+"""A camera in somebody's hand: in a rendered room, with a gyro, and calibrating itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+from scene_core.filter.policies import Association, Gate, Management, Policies, Selection, Update
+from scene_core.models.features.inverse_depth import InverseDepth
+from scene_core.models.internal.gyro import Gyro
+from scene_core.models.internal.speed import Speed
+from scene_core.models.motion.impulse import Impulse
+from scene_core.models.sensors.pinhole import Pinhole
+from scene_core.models.sensors.wide_angle import WideAngle
+from scene_core.session.config import Experiment, KnownFeature
+from scene_core.session.presets_parts import (
+    OWN_AXES,
+    RobotParts,
+    identified,
+    mount,
+    robot,
+    seen_from_anywhere,
+    simulated,
+)
+from scene_core.sources.handheld import HandHeld
+from scene_core.sources.render import Rendering
+from scene_core.sources.room import TexturedRoom, poster_corners
+from scene_core.sources.worlds import SimulatedWorld, ThickCloister, landmarks
+
+ABOUT: Mapping[str, str] = {
+    "room": "A camera in somebody's hand looks round a room and comes back to the poster it "
+    "started from: watch patches being searched in their ellipses.",
+    "gyro": "A hand-held camera that also feels how fast it turns and moves: watch the internal "
+    "measurements narrow the search ellipses before an image is looked at.",
+    "calibration": "A badly calibrated camera in a hand looks at six known points and many unknown "
+    "ones: watch focal lengths, centre and distortion find their values.",
+}
+HAND_START_SD: Mapping[str, float] = {
+    **{"x": 0.02, "y": 0.02, "z": 0.02, "rx": 0.01, "ry": 0.01, "rz": 0.01},
+    **{"vx": 0.1, "vy": 0.1, "vz": 0.1, "wx": 0.1, "wy": 0.1, "wz": 0.1},
+}
+"""m, rad, m/s and rad/s: how well a hand knows where it starts."""
+RATE = 30.0
+"""Images per second."""
+STEADY = HandHeld()
+
+
+def room() -> Experiment:
+    """A camera carried through a rendered room, started from the four corners of a poster."""
+    camera = WideAngle(
+        width=320,
+        height=240,
+        u0=160.0,
+        v0=120.0,
+        f_u=195.0,
+        f_v=195.0,
+        kd1=6e-6,
+        # Matches scatter by half of this; one patch's error is much the same from frame to frame.
+        sd_px=0.7,
+        sd_grows_to_corner=False,
+        border=12.0,
+    )
+    eye = mount(camera, "hand", OWN_AXES)
+    return simulated(
+        "room",
+        ABOUT["room"],
+        # A hand lively enough to have to search, and a repeat fine enough to be taken for its
+        # neighbour now and then.
+        TexturedRoom(pattern=0.08),
+        {"hand": _hand(HandHeld(sd_accel=2.0, sd_ang_accel=5.0))},
+        {"camera": eye._replace(true=replace(eye.true, sensor=replace(camera, border=0.0)))},
+        Policies(
+            landmark=InverseDepth(rho_mean=0.5, rho_sd=0.4, pole="z"),
+            selection=Selection(budget=12),
+            association=Association("search"),
+            gate=Gate(joint=True),
+            update=Update("iterated"),
+            management=Management(keep_visible=14, max_new=2, max_new_first=8, max_features=150),
+        ),
+        known=tuple(
+            KnownFeature(tuple(float(x) for x in place), f"poster:{i}", 0.001)
+            for i, place in enumerate(poster_corners())
+        ),
+        dt=1.0 / RATE,
+        rendering=Rendering(),
+    )
+
+
+def gyro() -> Experiment:
+    """A hand-held camera among points that also measures its own turn rate and speed."""
+    world = ThickCloister()
+    return simulated(
+        "gyro",
+        ABOUT["gyro"],
+        world,
+        {"hand": _hand()},
+        {"camera": mount(_pinhole(), "hand", OWN_AXES)},
+        Policies(
+            landmark=InverseDepth(rho_mean=0.2, rho_sd=0.3, pole="z"),
+            selection=Selection(budget=8),
+            management=Management(keep_visible=20, max_new=2, max_new_first=8),
+        ),
+        felt={"gyro": ("hand", Gyro()), "speedometer": ("hand", Speed(sd=0.1))},
+        known=_columns(world),
+        dt=1.0 / RATE,
+    )
+
+
+def calibration() -> Experiment:
+    """Focal lengths, centre and distortion in the state, the true ones up to 3 sd away."""
+    world = ThickCloister()
+    return simulated(
+        "calibration",
+        ABOUT["calibration"],
+        world,
+        {"hand": _hand()},
+        {
+            "camera": mount(
+                replace(_pinhole(), distortion=(0.0, 0.0)),
+                "hand",
+                OWN_AXES,
+                calib_sd={"u0": 3.0, "v0": 3.0, "fu": 6.0, "fv": 6.0, "d2": 0.03, "d4": 0.01},
+                true_calib={
+                    **{"u0": 166.0, "v0": 114.0, "fu": 210.0, "fv": 208.0},
+                    **{"d2": -0.06, "d4": 0.01},
+                },
+            )
+        },
+        identified(InverseDepth(rho_mean=0.2, rho_sd=0.3, pole="z"), 12, new=2, update="iterated"),
+        known=_columns(world),
+        dt=1.0 / RATE,
+    )
+
+
+def _hand(driver: HandHeld = STEADY) -> RobotParts:
+    """A hand that trembles as much as the estimator expects."""
+    motion = Impulse(sd_accel=driver.sd_accel, sd_ang_accel=driver.sd_ang_accel)
+    return robot(motion, driver, driver.start(motion, 1.0 / RATE), HAND_START_SD)
+
+
+def _pinhole() -> Pinhole:
+    return seen_from_anywhere(
+        Pinhole(width=320, height=240, u0=160.0, v0=120.0, f_u=195.0, f_v=195.0, border=0.0)
+    )
+
+
+def _columns(world: SimulatedWorld) -> tuple[KnownFeature, ...]:
+    """Three columns in the first view: a camera alone can not tell how large the world is."""
+    places = dict(zip(*(a.tolist() for a in landmarks(world)), strict=True))
+    return tuple(KnownFeature(tuple(places[i]), i, 0.01) for i in (7, 8, 9, 43, 44, 45))
+
+
+SCENARIOS: Mapping[str, Callable[[], Experiment]] = {
+    "room": room,
+    "gyro": gyro,
+    "calibration": calibration,
+}

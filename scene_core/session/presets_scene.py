@@ -1,0 +1,163 @@
+"""Scene's ladder of robots: on a line, in the plane, on undulating ground; and a car that finds
+its own scales."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from scene_core.geometry.spaces import TWO_D
+from scene_core.models.base import InternalMeasurementModel
+from scene_core.models.features.point_1d import Point1D
+from scene_core.models.features.point_2d import Point2D
+from scene_core.models.features.point_3d import EuclideanPoint
+from scene_core.models.internal.roll_pitch import RollPitch
+from scene_core.models.internal.steering_encoder import SteeringEncoder
+from scene_core.models.internal.wheel_speed import WheelSpeed
+from scene_core.models.motion.ackermann import PlanarAckermann
+from scene_core.models.motion.nomad import PlanarNomad
+from scene_core.models.motion.nomad_3d import TerrainNomad
+from scene_core.models.motion.velocity_1d import Velocity1D
+from scene_core.models.sensors.distance_1d import Distance1D
+from scene_core.models.sensors.range_bearing import RangeBearing
+from scene_core.models.sensors.stereo_head import StereoHead
+from scene_core.session.config import Experiment
+from scene_core.session.presets_parts import OWN_AXES, identified, mount, robot, simulated
+from scene_core.sources.drivers import Shuttle, Waypoints
+from scene_core.sources.terrain import Terrain, on_ground
+from scene_core.sources.worlds import Field, Line
+
+ABOUT: Mapping[str, str] = {
+    "line": "A cart on a line measures six landmarks: the smallest SLAM there is; watch the "
+    "covariance matrix fill.",
+    "nomad": "A planar robot finds out that it is slower than it believes: its velocity scale is "
+    "part of the state and goes from 1.0 to 0.9.",
+    "car": "A car whose speedometer and steering are both wrong: watch two scales in the state "
+    "find by how much, while encoders narrow each prediction.",
+    "terrain": "Scene's robot with its stereo head on undulating ground, where every step tilts "
+    "it: watch roll, pitch and height stay uncertain between the landmarks.",
+    "terrain_roll_pitch": "The same drive with an inclinometer: watch roll and pitch pinned "
+    "down, and the height with them.",
+}
+IN_PLANE = (0.0, 0.0, 0.0)
+"""Where a planar sensor sits that is the robot's own."""
+
+
+def line() -> Experiment:
+    """Scene's one-dimensional tutorial world."""
+    return simulated(
+        "line",
+        ABOUT["line"],
+        Line(),
+        {"robot": robot(Velocity1D(), Shuttle(), {"z": 0.0})},
+        {"range": mount(Distance1D(), "robot", (0.0,))},
+        identified(Point1D(), 10, new=2, first=10),
+    )
+
+
+def nomad() -> Experiment:
+    """Scene's planar robot with its velocity scale in the state: truth 0.9, belief 1.0 +- 0.2."""
+    corners = ((3.2, 2.4), (3.2, -2.4), (-3.2, -2.4), (-3.2, 2.4))
+    return simulated(
+        "nomad",
+        ABOUT["nomad"],
+        Field(),
+        {
+            "nomad": robot(
+                PlanarNomad(),
+                Waypoints(corners),
+                {"z": 3.2, "x": 2.4, "S": -math.pi / 2, "T": -math.pi / 2},
+                calib_sd={"speed scale": 0.2},
+                true_calib={"speed scale": 0.9},
+            )
+        },
+        {
+            "scanner": mount(
+                RangeBearing(sd_range=0.05, sd_bearing=0.02, reach_max=4.0), "nomad", IN_PLANE
+            )
+        },
+        identified(Point2D(), 20, new=5, first=20, features=60),
+        up="y",
+    )
+
+
+def car() -> Experiment:
+    """A car on a course round a park: both scales believed 1 +- 0.1, truly 0.88 and 1.12."""
+    return simulated(
+        "car",
+        ABOUT["car"],
+        Field(step=5.0),
+        {
+            "car": robot(
+                PlanarAckermann(sd_accel=0.2, sd_steer_rate=0.05),
+                Waypoints(((12.0, 8.0), (12.0, -8.0), (-12.0, -8.0), (-12.0, 8.0))),
+                {"z": 12.0, "x": 8.0, "phi": -math.pi / 2},
+                {**dict.fromkeys(TWO_D.labels, 0.02), "v": 0.02, "delta": 0.01},
+                calib_sd={"speed scale": 0.1, "steering scale": 0.1},
+                true_calib={"speed scale": 0.88, "steering scale": 1.12},
+            )
+        },
+        {
+            "scanner": mount(
+                RangeBearing(sd_range=0.1, sd_bearing=0.02, reach_max=12.0), "car", IN_PLANE
+            )
+        },
+        identified(Point2D(), 10, new=5, first=20, features=60),
+        felt={
+            "wheel": ("car", WheelSpeed()),
+            "steering": ("car", SteeringEncoder()),
+        },
+        up="y",
+    )
+
+
+def terrain() -> Experiment:
+    """Scene's Nomad in space, with nothing but its head to tell it how it leans."""
+    return _on_terrain("terrain", {})
+
+
+def terrain_roll_pitch() -> Experiment:
+    """The same with Scene's inclinometer."""
+    return _on_terrain("terrain_roll_pitch", {"inclinometer": ("nomad", RollPitch(up="y"))})
+
+
+def _on_terrain(name: str, felt: Mapping[str, tuple[str, InternalMeasurementModel]]) -> Experiment:
+    """The true ground is smooth; the filter takes it for a random fold at every step."""
+    world, motion = Terrain(), TerrainNomad(cruise=0.4)
+    standing = np.array([4.0, 0.0, -3.5, 1.0, 0.0, 0.0, 0.0, 0.0])
+    start = dict(
+        zip(motion.state_labels, on_ground(world, "y", motion, standing).tolist(), strict=True)
+    )
+    course = ((4.0, 0.0, 3.5), (-3.5, 0.0, 4.0), (-4.0, 0.0, -3.5), (3.5, 0.0, -4.0))
+    return simulated(
+        name,
+        ABOUT[name],
+        world,
+        {
+            "nomad": robot(
+                motion,
+                Waypoints(course),
+                start,
+                {**dict.fromkeys(("x", "y", "z"), 0.01), **dict.fromkeys(("rx", "ry", "rz"), 0.01)},
+                on_ground=True,
+            )
+        },
+        {"head": mount(StereoHead(max_scale=0.0, max_angle=0.0), "nomad", HEAD_POSE)},
+        identified(EuclideanPoint(), 8, new=2, first=10, features=100),
+        felt=felt,
+        up="y",
+    )
+
+
+HEAD_POSE = (0.0, 0.8, *OWN_AXES[2:])
+"""The head 0.8 m above the ground, its axes those of the turret."""
+
+SCENARIOS: Mapping[str, Callable[[], Experiment]] = {
+    "line": line,
+    "nomad": nomad,
+    "terrain": terrain,
+    "terrain_roll_pitch": terrain_roll_pitch,
+    "car": car,
+}
