@@ -26,8 +26,8 @@ from scene_core.session.runner import Runner
 from scene_core.session.session import Session
 from tests.web.raw_client import RawClient, raw_client
 from web_panels import gate
-from web_panels.map_geometry import Cloud
-from web_panels.map_layers import Ellipsoids
+from web_panels.clouds import Cloud
+from web_panels.instances import Instances
 from web_panels.view_loop import ViewLoop
 
 EDITED = "Select, max"
@@ -106,7 +106,7 @@ def ellipsoids(port: int, count: int = 1000, updates: int = 100) -> list[float]:
     """CPU milliseconds of the whole process for an update of `count` ellipsoids, from their
     covariances to the wire, with one client attached."""
     server = gate.guarded_server("127.0.0.1", port, None)
-    layer = Ellipsoids(server, nobody_clicks)
+    layer = Instances(server, nobody_clicks)
     command = [sys.executable, "-m", "benchmarks.page", "--listen", "--port", str(port)]
     other = subprocess.Popen(command)
     while not server.get_clients():
@@ -132,7 +132,7 @@ def ellipsoids(port: int, count: int = 1000, updates: int = 100) -> list[float]:
     return out[10:]
 
 
-async def nobody_clicks(_: object) -> None: ...
+def nobody_clicks(_: object) -> None: ...
 
 
 def listen(port: int) -> None:

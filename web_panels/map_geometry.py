@@ -1,8 +1,7 @@
-"""Numbers of the map: ellipsoids of all features, bounds, the shape of a camera's frustum."""
+"""Numbers of the map: colours of features, poses, bounds, the shape of a camera's frustum."""
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -11,121 +10,27 @@ from typing import Any
 import numpy as np
 
 from scene_core.arrays import Mat, Vec
+from scene_core.filter.ports import Frame
 from scene_core.filter.records import Trace
-from scene_core.filter.world import Label, Layout, World
+from scene_core.filter.world import Label, World
 from scene_core.geometry import quaternion
 from scene_core.geometry.correlation import largest_canonical_correlations
-from scene_core.geometry.ellipses import ellipsoids, sigma
 from scene_core.geometry.spaces import ONE_D, THREE_D, TWO_D, Space, embed, embed_points
-from scene_core.geometry.spaces import embed_covariances as embed_P
-from scene_core.models.base import FeatureModel, Sensor
+from scene_core.models.base import Sensor
 from scene_core.session.published import Published
+from scene_core.sources.simulated import Simulation
+from scene_core.sources.worlds import SimulatedWorld, in_axes
 from web_panels import verdicts
+from web_panels.clouds import Clouds
 from web_panels.style import C
 
 SPACES: dict[int, Space] = {1: ONE_D, 2: TWO_D, 3: THREE_D}
+GROUND_CELLS = 60
+"""Of the drawn ground on each side."""
 POSES: dict[int, Space] = {1: ONE_D, 3: TWO_D, 7: THREE_D}
 STATES = ("accepted", "nomatch", "rejected", "unselected", "out", "partial")
 PALETTE = np.array([C[s] for s in STATES], dtype=np.float64)
 WEAK, STRONG = np.array(C["out"], dtype=np.float64), np.array([255.0, 170.0, 60.0])
-
-
-@dataclass(frozen=True)
-class Cloud:
-    """All features of a world in 3-D world axes, in the order of the state."""
-
-    labels: tuple[Label, ...]
-    positions: Vec
-    """(N, 3)"""
-    scales: Vec
-    """(N, 3) half-axes of the ellipsoids at the stated confidence, m."""
-    wxyz: Vec
-    """(N, 4)"""
-    ends: Vec
-    """(N, 2, 3) near and far end of a depth that is still uncertain; NaN for plain points."""
-
-
-@dataclass(frozen=True)
-class _Rows:
-    model: FeatureModel
-    labels: tuple[Label, ...]
-    index: np.ndarray
-    """(N, n) rows of the state."""
-
-
-def _identity(model: FeatureModel) -> object:
-    """Equal models go through in one call; one that can not be compared goes by itself."""
-    try:
-        hash(model)
-    except TypeError:
-        return id(model)
-    return type(model), model
-
-
-class Clouds:
-    """Clouds of successive worlds; remembers where the features are while the layout stays."""
-
-    def __init__(self) -> None:
-        self._of: tuple[Layout, list[FeatureModel]] | None = None
-        self._rows: list[_Rows] = []
-
-    def _rows_of(self, world: World) -> list[_Rows]:
-        layout, models = world.gauss.layout, [f.model for f in world.features.values()]
-        if self._of is not None and layout is self._of[0]:
-            # Editing a parameter of a landmark replaces its model and leaves the layout alone.
-            if all(map(operator.is_, models, self._of[1])):
-                return self._rows
-        groups: dict[object, tuple[FeatureModel, list[tuple[Label, int]]]] = {}
-        for label, f in world.features.items():
-            at = world.gauss.layout[f.block].start
-            groups.setdefault(_identity(f.model), (f.model, []))[1].append((label, at))
-        self._rows = [
-            _Rows(
-                model,
-                tuple(label for label, _ in members),
-                np.array([at for _, at in members])[:, None] + np.arange(model.state_size),
-            )
-            for model, members in groups.values()
-        ]
-        self._of = layout, models
-        return self._rows
-
-    def of(self, world: World, confidence: float, thinnest: float) -> Cloud:
-        """The cloud of a world; no ellipsoid is thinner than `thinnest` (m): it could not be
-        seen, and in the plane or on a line it has no thickness at all."""
-        labels: list[Label] = []
-        parts: list[tuple[Vec, Vec, Vec, Vec]] = []
-        x, P = world.gauss.x, world.gauss.P
-        for rows in self._rows_of(world):
-            i = rows.index
-            glyphs = rows.model.graphics(x[i], P[i[:, :, None], i[:, None, :]])
-            space = rows.model.space
-            mean = embed_points(glyphs.mean, space, world.up)
-            sd, wxyz = ellipsoids(embed_P(glyphs.cov, space, world.up))
-            scales = sigma(space.d, confidence) * sd
-            if glyphs.ends is None:
-                ends = np.full((len(mean), 2, 3), np.nan)
-            else:
-                ends = embed_points(glyphs.ends, space, world.up)
-                mean, scales = within_ray(mean, scales, ends)
-            labels.extend(rows.labels)
-            parts.append((mean, np.maximum(scales, thinnest), wxyz, ends))
-        if not parts:
-            none = np.zeros((0, 3))
-            return Cloud((), none, none, np.zeros((0, 4)), np.zeros((0, 2, 3)))
-        return Cloud(tuple(labels), *(np.concatenate(c) for c in zip(*parts, strict=True)))
-
-
-def within_ray(mean: Vec, scales: Vec, ends: Vec) -> tuple[Vec, Vec]:
-    """Means (N, 3) and half-axes (N, 3) of ellipsoids held within their rays (N, 2, 3).
-
-    A first-order ellipsoid of a depth that is hardly known reaches far behind the camera.
-    """
-    ray = ends[:, 1] - ends[:, 0]
-    length = np.linalg.norm(ray, axis=1)
-    along = np.linalg.norm(mean - ends[:, 0], axis=1)
-    held = np.where((along <= length)[:, None], mean, ends[:, 0] + 0.5 * ray)
-    return held, np.minimum(scales, np.maximum(0.5 * length, 1e-3)[:, None])
 
 
 def states(trace: Trace | None, world: World, labels: Iterable[Label]) -> list[str]:
@@ -181,9 +86,20 @@ def mount_pose(world: World, mount: str) -> Vec:
     return THREE_D.compose(x_WR, x_RS).x
 
 
-def robot_pose(world: World, robot: str) -> Vec:
+def robot_pose(world: World, robot: str, hook: str = "base") -> Vec:
     """Pose (7,) of a robot in 3-D world axes."""
-    return embed(world.xp(robot), world.robots[robot].motion.space, world.up)[0]
+    return embed(world.xp(robot, hook), world.robots[robot].motion.space, world.up)[0]
+
+
+def parts(world: World, robot: str) -> tuple[str, ...]:
+    """Hooks of a robot that are drawn: the base, and what moves by itself; a colon marks another
+    name of something on a part."""
+    return tuple(hook for hook in world.robots[robot].motion.hooks if ":" not in hook)
+
+
+def part_name(robot: str, hook: str) -> str:
+    """What a drawn hook is called."""
+    return robot if hook == "base" else f"{robot} {hook}"
 
 
 RECENT = 12
@@ -197,15 +113,30 @@ def last_known(rows: Vec | None) -> Vec | None:
     return recent[good[-1]] if len(good) else None
 
 
-def true_position(p: Published, robot: str, up: str) -> Vec | None:
-    """True position (3,) of a robot in world axes, of whatever dimension it was given in."""
+def true_position(p: Published, robot: str, hook: str = "base", up: str = "z") -> Vec | None:
+    """True position (3,) of a robot's hook in world axes, of whatever dimension it was given in."""
     truth = p.trace.frame.truth if p.trace is not None else None
-    if truth is None or robot not in truth.xp:
+    if hook != "base":
+        xp = None if p.trace is None else _true_hook(p, p.trace.frame, robot, hook)
+    elif truth is None or robot not in truth.xp:
         series = p.series.robots.get(robot)
         return None if series is None else last_known(series.true_position)
-    xp = np.asarray(truth.xp[robot])
+    else:
+        xp = np.asarray(truth.xp[robot])
+    if xp is None:
+        return None
     at = aligned(POSES[len(xp)].position(xp), p)
     return embed_points(at, POSES[len(xp)], up)
+
+
+def _true_hook(p: Published, frame: Frame, robot: str, hook: str) -> Vec | None:
+    """Only a simulation knows where the parts of a robot are."""
+    source = p.experiment.source
+    if not isinstance(source, Simulation) or robot not in source.robots:
+        return None
+    motion = source.robots[robot].motion
+    xv = source.true_states(frame).get(robot) if frame.truth is not None else None
+    return None if xv is None or hook not in motion.hooks else motion.xp(xv, hook).xp
 
 
 def aligned(points: Vec, p: Published) -> Vec:
@@ -271,6 +202,36 @@ def true_points(p: Published, up: str) -> Vec:
         return np.zeros((0, 3))
     points = np.asarray(truth.points)
     return embed_points(aligned(points, p), SPACES[points.shape[1]], up)
+
+
+def true_segments(p: Published, up: str) -> Vec:
+    """True line landmarks (M, 2, 3) in world axes; none when nobody knows them."""
+    truth = p.trace.frame.truth if p.trace is not None else None
+    if truth is None or len(truth.segments) == 0:
+        return np.zeros((0, 2, 3))
+    ends = np.asarray(truth.segments)
+    d = ends.shape[-1]
+    at = aligned(ends.reshape(-1, d), p)
+    return embed_points(at, SPACES[d], up).reshape(-1, 2, 3)
+
+
+def ground_mesh(source: Any) -> tuple[Vec, np.ndarray] | None:
+    """Vertices (V, 3) in world axes and faces (F, 3) of the ground of a simulated world; None where
+    it has none."""
+    world = getattr(source, "world", None)
+    if not isinstance(world, SimulatedWorld) or world.ground(np.zeros(2)) is None:
+        return None
+    edges = world.outline().reshape(-1, 3)
+    lo, hi = edges[:, :2].min(axis=0), edges[:, :2].max(axis=0)
+    axes = (np.linspace(lo[i], hi[i], GROUND_CELLS + 1) for i in range(2))
+    flat = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    ground = world.ground(flat)
+    assert ground is not None
+    n = GROUND_CELLS + 1
+    corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
+    a, b, c, d = corner, corner + n, corner + n + 1, corner + 1
+    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
+    return in_axes(world, np.column_stack([flat, ground.height]), source.up), faces
 
 
 def outline_of(source: Any, up: str) -> Vec:

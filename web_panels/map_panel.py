@@ -7,26 +7,23 @@ import time
 import numpy as np
 import viser
 
-from scene_core.filter.world import World
+from scene_core.filter.world import Label, World
 from scene_core.session.commands import Select
 from scene_core.session.published import Published
 from scene_core.session.start import initial_world
 from web_panels import map_geometry as geo
 from web_panels.cameras import Cameras
-from web_panels.map_layers import (
-    Ellipsoids,
-    Ground,
-    Paths,
-    Rays,
-    Robots,
-    Selected,
-    Sightings,
-    TrueLandmarks,
-)
-from web_panels.panel import Page, Post
+from web_panels.clouds import Cloud, Clouds
+from web_panels.instances import Instances
+from web_panels.map_layers import Lines, Particles, Rays, Selected, Sightings
+from web_panels.map_robots import Paths, Robots
+from web_panels.map_world import Ground, TrueLandmarks
+from web_panels.panel import Look, Page, Post
 
 IMAGE_HZ, SLOW_HZ, CORRELATION_HZ = 12.0, 10.0, 4.0
 """Pictures on frusta; paths, rings and labels; colours by correlation."""
+FARTHEST = 5.0
+"""Ends of lines and particles are drawn within so many radii of the map."""
 
 
 class MapPanel:
@@ -38,7 +35,7 @@ class MapPanel:
         self.page = page
         self.run: int | None = None
         self.awaiting = False
-        self.clouds = geo.Clouds()
+        self.clouds = Clouds()
 
     def build(self, server: viser.ViserServer, post: Post) -> None:
         self.server, self.post = server, post
@@ -56,7 +53,9 @@ class MapPanel:
         self.true_landmarks = TrueLandmarks(scene, size)
         self.rays = Rays(scene)
         self.sightings = Sightings(scene)
-        self.ellipsoids = Ellipsoids(self.server, self._clicked)
+        self.ellipsoids = Instances(self.server, self._choose)
+        self.lines = Lines(self.server, self._choose, size)
+        self.particles = Particles(self.server, self._choose, size)
         self.robots = Robots(scene, world, size)
         self.selected = Selected(scene)
         self.cameras.distance = 2.25 if self.simulated else 3.0
@@ -87,18 +86,19 @@ class MapPanel:
         """Cameras move although the session stands still."""
         return self.run is not None and self.cameras.moving
 
-    async def _clicked(self, event: viser.SceneNodePointerEvent) -> None:
-        label = self.ellipsoids.label_at.get(event.instance_index or 0)
-        if label is not None:
-            self.post(Select(label))
+    def _choose(self, label: Label) -> None:
+        self.post(Select(label))
 
     def render(self, p: Published) -> None:
         world = self._fit(p)
         look, trace, now = self.page.look, p.trace, time.monotonic()
-        cloud = self.clouds.of(world, look.confidence, 0.004 * self.bounds.radius)
+        size = self.bounds.radius
+        farthest = FARTHEST * size + float(np.linalg.norm(self.bounds.centre))
+        cloud = self.clouds.of(world, look.confidence, 0.004 * size, farthest)
         states = geo.states(trace, world, cloud.labels)
         rgb = self._colours(p, world, cloud, states)
-        robot = geo.robot_pose(world, next(iter(world.robots)))
+        self.followed = followed(world, look)
+        robot = geo.robot_pose(world, self.followed)
         still = p.mode != "playing"
         slow = still or now >= self.slow_due or p.selected != self.chosen
         images: dict[str, bytes] = {}
@@ -108,6 +108,8 @@ class MapPanel:
         # One wake-up of viser's thread for all messages: each costs a change of threads.
         with self.server.atomic():
             self.ellipsoids.render(cloud, rgb)
+            self.lines.render(cloud, rgb)
+            self.particles.render(cloud, rgb, look.rays)
             self.rays.render(cloud, look.rays)
             self.sightings.render(trace, world, cloud, look.rays)
             self.robots.render(p, world, look.truth)
@@ -123,21 +125,20 @@ class MapPanel:
         self._move_cameras(world, robot[:3], self.seen)
 
     def _move_cameras(self, world: World, robot: np.ndarray, bounds: geo.Bounds) -> None:
-        """The sensor's eye is that of the first camera; without one there is none."""
+        """The sensor's eye is that of the first camera, on the followed robot if it has one;
+        without a camera there is none."""
         if self.cameras.bounds is None or bounds.radius > 1.15 * self.cameras.bounds.radius:
             self.cameras.refit(bounds)
         eye = None
-        for name, mount in world.mounts.items():
-            if mount.sensor.pane == "image":
-                eye = geo.mount_pose(world, name)
-                self.cameras.eye_fov = self.robots.view_angle(world, name)[0]
-                break
+        cameras = [name for name, m in world.mounts.items() if m.sensor.pane == "image"]
+        cameras.sort(key=lambda name: world.mounts[name].robot != self.followed)
+        if cameras:
+            eye = geo.mount_pose(world, cameras[0])
+            self.cameras.eye_fov = self.robots.view_angle(world, cameras[0])[0]
         self.cameras.in_the_way = self.robots.frustum_names
         self.cameras.move(robot, eye, bounds)
 
-    def _colours(
-        self, p: Published, world: World, cloud: geo.Cloud, states: list[str]
-    ) -> np.ndarray:
+    def _colours(self, p: Published, world: World, cloud: Cloud, states: list[str]) -> np.ndarray:
         """By verdict, or by correlation with the selected feature (a few times a second)."""
         chosen = p.selected
         if self.page.look.colour == "verdict" or chosen is None or chosen not in world.features:
@@ -150,7 +151,7 @@ class MapPanel:
             self.rgb = geo.correlation_colours(world, chosen, cloud.labels)
         return self.rgb
 
-    def _seen(self, p: Published, cloud: geo.Cloud) -> geo.Bounds:
+    def _seen(self, p: Published, cloud: Cloud) -> geo.Bounds:
         """What the view buttons frame: a simulated world, else what was mapped and travelled."""
         if self.simulated or len(cloud.labels) < 8:
             return self.bounds
@@ -159,3 +160,8 @@ class MapPanel:
             if len(r.position):
                 parts.append([r.position.min(axis=0), r.position.max(axis=0)])
         return geo.bounds_of(np.concatenate(parts))
+
+
+def followed(world: World, look: Look) -> str:
+    """The robot the view goes with."""
+    return look.follow if look.follow in world.robots else next(iter(world.robots))

@@ -64,6 +64,10 @@ class Look:
     rays: bool = True
     labels: bool = True
     """Labels of features near the robot; the selected one always has one."""
+    follow: str = ""
+    """The robot that is followed; the first one unless it is there."""
+    placing: str = ""
+    """The robot whose waypoints a click on the ground adds; none when empty."""
     dark: bool = True
     large: bool = False
     """Large type, for projectors."""

@@ -31,6 +31,9 @@ C: Mapping[str, RGB] = {
 
 HEX: Mapping[str, str] = {k: "#{:02x}{:02x}{:02x}".format(*v) for k, v in C.items()}
 
+ROBOTS: tuple[RGB, ...] = (C["estimate"], (166, 148, 255), (190, 214, 84), (255, 156, 128))
+"""Colours of the estimated robots, in their order."""
+
 STATE_OF_VERDICT: Mapping[Verdict, str] = {
     "accepted": "accepted",
     "rejected": "rejected",
@@ -203,6 +206,11 @@ def gate_words(d2: float, gate: float, dof: int, confidence: float) -> str:
     """d2 = 12.4 > 9.21 (2 DoF, 99 %)."""
     sign = "&gt;" if d2 >= gate else "&lt;"
     return f"d2 = {d2:.1f} {sign} {gate:.2f} ({dof} DoF, {100 * confidence:.4g} %)"
+
+
+def robot_colour(i: int) -> RGB:
+    """The colour of the i-th robot of an experiment."""
+    return ROBOTS[i % len(ROBOTS)]
 
 
 def linear(rgb: np.ndarray | RGB) -> np.ndarray:

@@ -18,7 +18,7 @@ from scene_core.session.published import Published
 from scene_core.session.runner import Runner
 from scene_core.session.session import Session
 from web_panels import gate
-from web_panels.map_geometry import Clouds
+from web_panels.clouds import Clouds
 from web_panels.view_loop import ViewLoop
 
 FRAMES = 30

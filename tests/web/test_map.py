@@ -6,7 +6,6 @@ import dataclasses
 import json
 import math
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +15,8 @@ from scene_core.filter.world import World
 from scene_core.geometry import quaternion
 from scene_core.geometry.correlation import largest_canonical_correlations
 from scene_core.geometry.ellipses import sigma
+from scene_core.geometry.spaces import embed_covariances as embed_P
+from scene_core.geometry.spaces import embed_points
 from scene_core.models.sensors.fisheye import Fisheye
 from scene_core.session.presets import build
 from scene_core.session.published import Published
@@ -24,8 +25,8 @@ from tests.web.fakes import published
 from tests.web.test_gate import free_port
 from web_panels import gate, map_geometry, verdicts
 from web_panels.cameras import read_camera
-from web_panels.map_geometry import Cloud, Clouds
-from web_panels.map_layers import Ellipsoids
+from web_panels.clouds import Cloud, Clouds, within_ray
+from web_panels.instances import Instances
 from web_panels.map_legend import legend_html
 from web_panels.panel import Look
 from web_panels.style import C, linear
@@ -60,7 +61,7 @@ def test_every_feature_is_drawn_once_and_where_it_is(world: World) -> None:
         f = world.features[label]
         glyph = f.model.graphics(world.gauss.mean(f.block)[None], world.gauss.cov(f.block)[None])
         if glyph.ends is None:
-            mean = map_geometry.embed_points(glyph.mean, f.model.space, world.up)
+            mean = embed_points(glyph.mean, f.model.space, world.up)
             assert np.allclose(at, mean[0])
 
 
@@ -77,7 +78,7 @@ def test_ellipsoids_have_the_stated_content(world: World) -> None:
         R = quaternion.matrix(cloud.wxyz[i])
         P = R @ np.diag((cloud.scales[i] / sigma(d, 0.95)) ** 2) @ R.T
         glyph = f.model.graphics(world.gauss.mean(f.block)[None], world.gauss.cov(f.block)[None])
-        expected = map_geometry.embed_P(glyph.cov, f.model.space, world.up)[0]
+        expected = embed_P(glyph.cov, f.model.space, world.up)[0]
         assert np.allclose(P, expected, atol=1e-12)
         ratio = sigma(d, 0.99) / sigma(d, 0.95)
         assert np.allclose(wider.scales[i], ratio * cloud.scales[i])
@@ -96,7 +97,7 @@ def test_remembered_rows_follow_the_layout(cloister: Published) -> None:
 def test_open_depths_stay_on_their_rays() -> None:
     ends = RNG.normal(size=(50, 2, 3))
     mean, scales = RNG.normal(size=(50, 3)) * 100, np.abs(RNG.normal(size=(50, 3))) * 100
-    held, capped = map_geometry.within_ray(mean, scales, ends)
+    held, capped = within_ray(mean, scales, ends)
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     assert (np.linalg.norm(held - ends[:, 0], axis=1) <= length + 1e-9).all()
     assert (capped <= np.maximum(0.5 * length, 1e-3)[:, None] + 1e-12).all()
@@ -151,11 +152,11 @@ def cloud_of(labels: list[int]) -> Cloud:
     return Cloud(tuple(labels), at, np.ones((n, 3)), wxyz, np.full((n, 2, 3), np.nan))
 
 
-async def ignore(_: Any) -> None: ...
+def ignore(_: int) -> None: ...
 
 
 def test_a_feature_keeps_its_instance_while_others_come_and_go(server: viser.ViserServer) -> None:
-    layer = Ellipsoids(server, ignore)
+    layer = Instances(server, ignore)
     alive, before = list(range(1, 200)), {}
     for step in range(30):
         layer.render(cloud_of(alive), np.zeros((len(alive), 3)))
@@ -163,16 +164,16 @@ def test_a_feature_keeps_its_instance_while_others_come_and_go(server: viser.Vis
         assert set(layer.slots) == set(alive)
         for label, slot in layer.slots.items():
             assert before.get(label, slot) == slot
-            assert layer.node.batched_positions[slot, 0] == label
+            assert np.asarray(layer.node.batched_positions)[slot, 0] == label
         used = np.zeros(layer.capacity, dtype=bool)
         used[list(layer.slots.values())] = True
-        assert (layer.node.batched_scales[~used] == 0).all()
+        assert (np.asarray(layer.node.batched_scales)[~used] == 0).all()
         before = dict(layer.slots)
         alive = [x for x in alive if x % 7 != step % 7] + [1000 * (step + 1) + k for k in range(9)]
 
 
 def test_the_node_grows_and_stays_clickable(server: viser.ViserServer) -> None:
-    layer = Ellipsoids(server, ignore)
+    layer = Instances(server, ignore)
     layer.render(cloud_of(list(range(1, 11))), np.zeros((10, 3)))
     slots = dict(layer.slots)
     layer.render(cloud_of(list(range(1, 1001))), np.zeros((1000, 3)))
