@@ -102,7 +102,7 @@ def states(group: Group, x: Vec) -> tuple[Vec, Mat | None]:
     xp, dxp_by_dxv = completed(motion.xp(xv), motion.xp, xv)
     assert dxp_by_dxv is not None
     if motion.space is not space:
-        xp, by_xp = embed(xp, motion.space, group.up)
+        xp, by_xp = embed(xp, motion.space, group.up, space)
         dxp_by_dxv = by_xp @ dxp_by_dxv
     at_carrier = np.concatenate([group.offsets, np.ones((len(group.offsets), 1))], axis=1)
     seen = space.to_world(xp, at_carrier)

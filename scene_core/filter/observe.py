@@ -81,7 +81,7 @@ def sensor_state(world: World, mount_id: str, gauss: Gaussian | None = None) -> 
     )
     assert dxp_by_dxv is not None
     if robot.motion.space is not space:
-        xp, dxp3_by_dxp = embed(xp, robot.motion.space, world.up)
+        xp, dxp3_by_dxp = embed(xp, robot.motion.space, world.up, space)
         dxp_by_dxv = dxp3_by_dxp @ dxp_by_dxv
     in_state = mount.pose_block in g.layout
     pose = g.mean(mount.pose_block) if in_state else mount.pose

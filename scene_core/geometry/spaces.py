@@ -362,15 +362,19 @@ _AXES: dict[tuple[str, str], Mat] = {
 # fmt: on
 
 
-def embed(xp: Vec, space: Space, up: str) -> tuple[Vec, Mat]:
-    """The 3-D position state (..., 7) of a pose in `space`, and its Jacobian (..., 7, n).
+def embed(xp: Vec, space: Space, up: str, into: Space = THREE_D) -> tuple[Vec, Mat]:
+    """The position state (..., m) in `into`, which has more dimensions, of a pose in `space`, and
+    its Jacobian (..., m, n). A pose on a line lies in the plane with x = phi = 0. In 3-D:
 
     up = "y" (Scene): the plane's z and x are the world's z and x, phi turns about y. up = "z" (the
     toolbox): the plane's z is the world's x, its x the world's y, phi turns about z. A line's z
     runs along the world's z, resp. x.
     """
-    if space.d == 3:
-        return xp, np.eye(7)
+    if space is into:
+        return xp, np.eye(space.n)
+    if into.d == 2:
+        J = np.eye(into.n, space.n)
+        return xp @ J.T, np.broadcast_to(J, (*xp.shape[:-1], *J.shape))
     axes = _AXES[space.name, up]
     out = np.zeros((*xp.shape[:-1], 7))
     J = np.zeros((*xp.shape[:-1], 7, space.n))

@@ -103,7 +103,8 @@ def kind_of(model: Any) -> str:
 def compatible(sensor: Sensor, feature: FeatureModel) -> str | None:
     """Why `sensor` can not initialise features of this model; None when it can.
 
-    A refused pair may still observe: any sensor measures any feature of its own space.
+    A refused pair may still observe. Particles stand for what the first measurement left open: with
+    nothing open they would repeat, as if it were news, what the sensor measured once.
     """
     reason = observable(sensor, feature)
     if reason:
@@ -113,6 +114,11 @@ def compatible(sensor: Sensor, feature: FeatureModel) -> str | None:
         return (
             f"'{sensor.name}' leaves {', '.join(missing)} open and '{feature.name}' has no prior "
             "for it: such a feature can only be known from the start or converted from another"
+        )
+    if feature.free_labels and not sensor.unmeasured:
+        return (
+            f"'{sensor.name}' leaves nothing open: there is nothing for the particles of "
+            f"'{feature.name}' to find out"
         )
     return None
 
@@ -144,4 +150,9 @@ def runs_on(internal: InternalMeasurementModel, motion: MotionModel) -> str | No
     missing = [label for label in internal.needs if label not in motion.state_labels]
     if missing:
         return f"'{internal.name}' needs {', '.join(missing)}, which '{motion.name}' does not have"
+    if "gravity" in internal.world_fixed and motion.space.d < 3:
+        return (
+            f"'{internal.name}' measures along the vertical, and '{motion.name}' moves in "
+            f"{motion.space.name}, without one"
+        )
     return None

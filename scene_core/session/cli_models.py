@@ -16,6 +16,8 @@ from scene_core.filter.policies import Policies
 from scene_core.models import registry
 from scene_core.models.check import check
 from scene_core.models.library import Library
+from scene_core.models.pairs import markdown
+from scene_core.models.pairs import pairs as every_pair
 from scene_core.models.plugins import UserFile, in_time, load_file
 from scene_core.params import ParamError
 from scene_core.session import presets
@@ -38,6 +40,8 @@ class Models:
 
     json: bool = False
     """As JSON, with the keys motion, sensors, landmarks, internal, policies, presets and pairs."""
+    markdown: bool = False
+    """The tables of what goes with what, as a page of the documentation."""
     models: str = ""
     """A folder with models of your own, to be listed too."""
 
@@ -85,6 +89,9 @@ def check_models(options: Check) -> bool:
 def list_models(options: Models) -> None:
     """Print every model by name, as a table or as JSON."""
     library_of(options.models)
+    if options.markdown:
+        print(markdown(), end="")
+        return
     there = table()
     if options.json:
         print(json.dumps(there, indent=2))
@@ -119,18 +126,14 @@ def table() -> dict[str, Any]:
 def pairs() -> list[dict[str, Any]]:
     """Every sensor with every landmark. Supported: the sensor can measure it; the reason then says
     why it can not start one, if it can not."""
-    out = []
-    for sensor_name, sensor in registry.models("sensors").items():
-        for landmark_name, landmark in registry.models("features").items():
-            refused = registry.observable(sensor(), landmark())
-            partly = registry.compatible(sensor(), landmark())
-            reason = refused or (f"observing only: {partly}" if partly else "")
-            out.append(
-                {
-                    "sensor": sensor_name,
-                    "landmark": landmark_name,
-                    "supported": refused is None,
-                    "reason": reason,
-                }
-            )
-    return out
+    return [
+        {
+            "sensor": pair.sensor,
+            "landmark": pair.landmark,
+            "supported": pair.verdict != "refused",
+            "reason": f"observing only: {pair.reason}"
+            if pair.verdict == "observes"
+            else pair.reason,
+        }
+        for pair in every_pair()
+    ]

@@ -178,7 +178,7 @@ class Simulation:
         motion, space = self.robots[m.robot].motion, m.sensor.space
         xp = motion.xp(xv[m.robot], m.hook).xp
         if motion.space is not space:
-            xp = embed(xp, motion.space, self.up)[0]
+            xp = embed(xp, motion.space, self.up, space)[0]
         return space.compose(xp, np.array(m.pose, dtype=float)).x
 
     def outlook(self, mount: str, xv: Mapping[str, Vec]) -> Outlook:

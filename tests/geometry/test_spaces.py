@@ -173,3 +173,14 @@ def test_embedded_axes(up, forward, sideways):
     assert P @ forward @ forward == 4.0
     assert P @ sideways @ sideways == 9.0
     assert P.sum() == 13.0
+
+
+def test_a_pose_on_a_line_lies_in_the_plane() -> None:
+    """Through the plane or at once, it is the same pose in space."""
+    for up in ("y", "z"):
+        flat, J = embed(np.array([2.5]), ONE_D, up, TWO_D)
+        np.testing.assert_array_equal(flat, [2.5, 0.0, 0.0])
+        np.testing.assert_array_equal(J, [[1.0], [0.0], [0.0]])
+        np.testing.assert_allclose(
+            embed(flat, TWO_D, up)[0], embed(np.array([2.5]), ONE_D, up)[0], atol=1e-12
+        )
