@@ -88,6 +88,13 @@ class InitialiseAt:
 
 
 @dataclass(frozen=True)
+class ZeroAxes:
+    """Put the axes of the whole map where a robot is at the end of the present frame."""
+
+    robot: str
+
+
+@dataclass(frozen=True)
 class ModelsSaved:
     """Files with models of the user's own were saved: what is in use and conforms is swapped to its
     new version."""
@@ -121,6 +128,7 @@ Command = (
     | LoadPreset
     | Select
     | InitialiseAt
+    | ZeroAxes
     | ModelsSaved
     | Abandon
     | Refresh

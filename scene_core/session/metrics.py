@@ -10,11 +10,18 @@ import numpy as np
 
 from scene_core.arrays import Mat, Vec
 from scene_core.filter.records import Trace
-from scene_core.filter.world import World
+from scene_core.filter.world import Axes, World
 from scene_core.geometry.ellipses import chi2_band, nees
 from scene_core.geometry.spaces import Space, embed_points
 from scene_core.models.base import completed
 from scene_core.session.alignment import Alignment, Similarity, aligned_poses, umeyama
+from scene_core.session.axes import (
+    estimate_axes,
+    points_from,
+    poses_from,
+    poses_told_first,
+    truth_axes,
+)
 from scene_core.session.columns import Column
 from scene_core.session.published import Light, RobotSeries, Series
 
@@ -66,7 +73,8 @@ def pose_error(space: Space, xp: Vec, true_xp: Vec) -> Vec:
 
 
 class RobotTrack:
-    """The columns of one robot."""
+    """The columns of one robot. Poses and positions are told in the axes the run began in; errors,
+    their standard deviations and NEES are of the axes in force at the time."""
 
     def __init__(self, space: Space, up: str) -> None:
         t = space.tangent
@@ -87,19 +95,22 @@ class RobotTrack:
 
     def add(self, world: World, robot: str, true_xp: Vec | None) -> None:
         at = pose_estimate(world, robot)
-        self.xp.append(at.xp)
-        self.position.append(self.embedded(at.xp)[0])
+        pose = estimate_axes(world.axes)
+        xp = poses_told_first(pose, at.xp, self.space, self.up)
+        self.xp.append(xp)
+        self.position.append(self.embedded(xp)[0])
         self.sd.append(np.sqrt(np.maximum(at.P.diagonal(), 0.0)))
         if true_xp is None or not np.isfinite(true_xp).all():
             for column in (self.true_xp, self.true_position, self.error, self.nees):
                 column.append(np.nan)
             return
         self.known = True
-        e = pose_error(self.space, at.xp, true_xp)
+        seen = poses_from(truth_axes(world.axes, aligned=False), true_xp, self.space, self.up)
+        e = pose_error(self.space, at.xp, seen)
         self.true_xp.append(true_xp)
         self.true_position.append(self.embedded(true_xp)[0])
         self.error.append(e)
-        self.nees.append(nees(e, at.P))
+        self.nees.append(nees(e, at.P) if np.isfinite(e).all() else math.nan)
 
 
 class Metrics:
@@ -114,6 +125,8 @@ class Metrics:
         self.nis, self.nis_band = Column(), Column(2)
         self.robots: dict[str, RobotTrack] = {}
         self.calibrations: dict[str, Column] = {}
+        self._axes: list[tuple[int, Axes]] = []
+        """New axes, and the frame they came into force at the end of."""
         self._shown = 0
         self._series: Series | None = None
 
@@ -125,6 +138,12 @@ class Metrics:
         """Show the rows up to the end of a frame; later ones are kept for seeking forward."""
         self._series = None
         self._shown = min(max(0, frame + 1 - self.first), len(self.times))
+
+    @property
+    def axes(self) -> Axes | None:
+        """In force in the last row that is shown."""
+        last = self.first + self._shown - 1
+        return next((axes for frame, axes in reversed(self._axes) if frame <= last), None)
 
     def _columns(self) -> list[Column]:
         tracks = [c for r in self.robots.values() for c in r.columns]
@@ -148,6 +167,9 @@ class Metrics:
         if trace.frame.index < self.first + row:
             self.show(trace.frame.index)
             return
+        axes = self._axes[-1][1] if self._axes else None
+        if world.axes is not None and world.axes is not axes:
+            self._axes.append((trace.frame.index, world.axes))
         for robot, r in world.robots.items():
             if robot not in self.robots:
                 self.robots[robot] = RobotTrack(r.motion.space, world.up)
@@ -183,6 +205,7 @@ class Metrics:
         """Forget the rows after the end of `frame`."""
         for column in self._columns():
             column.truncate(max(0, frame + 1 - self.first))
+        self._axes = [entry for entry in self._axes if entry[0] <= frame]
         self.show(frame)
 
     def _forget_oldest(self, count: int) -> None:
@@ -219,16 +242,18 @@ class Metrics:
         )
 
     def _robot_series(self, track: RobotTrack) -> RobotSeries:
-        space, known = track.space, track.known
-        true_position, error = track.true_position.view(self._shown), track.error.view(self._shown)
-        fit = None
+        space, known, fit = track.space, track.known, None
+        error = track.error.view(self._shown)
+        true_position = points_from(
+            truth_axes(self.axes, aligned=False), track.true_position.view(self._shown)
+        )
         if known and self.align != "none":
             true_position, error, fit = self._aligned(track)
         rotation = ("rx", "ry", "rz") if space.d == 3 else ("phi",) if space.d == 2 else ()
         return RobotSeries(
             labels=space.labels[: space.d] + rotation,
             units=("m",) * space.d + ("rad",) * len(rotation),
-            position=track.position.view(self._shown),
+            position=points_from(estimate_axes(self.axes), track.position.view(self._shown)),
             true_position=true_position if known else None,
             error=error if known else None,
             sd=track.sd.view(self._shown),
@@ -239,15 +264,20 @@ class Metrics:
         )
 
     def _aligned(self, track: RobotTrack) -> tuple[Vec, Vec, Similarity | None]:
-        """The truth moved into the estimate's axes (at most 500 frames decide how), errors, how."""
+        """The truth moved into the estimate's axes (at most 500 frames decide how), errors, how
+        in the axes the run began in."""
         xp, true_xp = track.xp.view(self._shown), track.true_xp.view(self._shown)
         step = max(1, len(xp) // 500)
         fit = umeyama(track.space, true_xp[::step], xp[::step], self.align)
         if fit is None:
             unknown = np.full_like(track.error.view(self._shown), np.nan)
-            return track.true_position.view(self._shown), unknown, None
+            pose = truth_axes(self.axes, aligned=False)
+            return points_from(pose, track.true_position.view(self._shown)), unknown, None
         moved = aligned_poses(track.space, fit, true_xp)
-        return track.embedded(moved), -track.space.difference(moved, xp), fit
+        pose = estimate_axes(self.axes)
+        seen, true = (poses_from(pose, x, track.space, track.up) for x in (xp, moved))
+        at = points_from(pose, track.embedded(moved))
+        return at, -track.space.difference(true, seen), fit
 
     def light(self) -> Light:
         """Whether the errors are as large as the filter says: the mean NEES of the last frames,

@@ -21,7 +21,7 @@ class RobotSeries:
     """Tangent components: x, y, z, rx, ry, rz (3-D); z, x, phi (2-D); z (1-D)."""
     units: tuple[str, ...]
     position: Vec
-    """(T, 3) estimated position, embedded in 3-D world axes."""
+    """(T, 3) estimated position, embedded in 3-D; all of them in the present axes."""
     true_position: Vec | None
     """(T, 3), NaN where unknown; None without truth."""
     error: Vec | None
@@ -34,7 +34,8 @@ class RobotSeries:
     nees_band: tuple[float, float]
     """95 % interval of one NEES value."""
     alignment: Similarity | None = None
-    """How the truth was moved into the estimate's axes; None: it is in them."""
+    """How the truth was moved into the estimate's axes, those the run began in; None: it is in
+    them."""
 
 
 @dataclass(frozen=True)

@@ -53,9 +53,14 @@ def _errors(metrics: Metrics, track: RobotTrack, first: int) -> dict[str, Any]:
     xp, true_xp = track.xp.view(len(metrics))[rows], track.true_xp.view(len(metrics))[rows]
     known = np.all(np.isfinite(true_xp), axis=1)
     fit = umeyama(track.space, xp, true_xp, metrics.align)
+    error = track.error.view(len(metrics))[rows]
+    if metrics.align == "none":
+        known = np.all(np.isfinite(error), axis=1)
     if fit is None or not known.any():
         return _errors_unknown()
-    error = pose_error(track.space, aligned_poses(track.space, fit, xp[known]), true_xp[known])
+    error = error[known]
+    if metrics.align != "none":
+        error = pose_error(track.space, aligned_poses(track.space, fit, xp[known]), true_xp[known])
     d = track.space.d
     position = np.linalg.norm(error[:, :d], axis=1)
     turn = np.linalg.norm(error[:, d:], axis=1) if track.space.tangent > d else None

@@ -14,12 +14,14 @@ from itertools import islice
 from time import perf_counter
 from typing import Any
 
+from scene_core.filter.axes import redefine
 from scene_core.filter.birth import initialise_at
 from scene_core.filter.ports import EndOfData, Frame, SourceError
 from scene_core.filter.records import Event, PhaseRecord, Trace
 from scene_core.filter.step import step
 from scene_core.filter.world import World
 from scene_core.params import ParamError
+from scene_core.session.axes import zeroed
 from scene_core.session.commands import (
     Command,
     InitialiseAt,
@@ -31,6 +33,7 @@ from scene_core.session.commands import (
     SwapModel,
     Transport,
     Undo,
+    ZeroAxes,
 )
 from scene_core.session.config import Experiment
 from scene_core.session.edits import (
@@ -50,6 +53,10 @@ from scene_core.session.swap import reconfigure
 
 HISTORY_BYTES = 256 * 2**20
 KEPT_EVENTS = 2000
+
+
+AtEnd = InitialiseAt | ZeroAxes
+"""Commands that act at the end of a frame."""
 
 
 @dataclass
@@ -162,7 +169,7 @@ class Session:
     def log(self) -> tuple[tuple[int, Command], ...]:
         """The frame at which each command took effect, and the command."""
         edits = [(f, e.command) for f, logged in self._edits.items() for e in logged]
-        clicks = [(f, c) for f, cs in self._clicks.items() for c in cs]
+        clicks = [(f, c) for f, cs in self._at_ends.items() for c in cs]
         return tuple(sorted(edits + clicks, key=lambda entry: entry[0]))
 
     # Running.
@@ -258,6 +265,8 @@ class Session:
                 self._edit(command, playing)
             case InitialiseAt():
                 self._click(command)
+            case ZeroAxes(robot):
+                self._zero(robot)
             case Select(label):
                 self.selected, self.message = label, ""
             case Seek(frame):
@@ -368,13 +377,28 @@ class Session:
         size = self.world.mounts[command.mount].sensor.measurement_size
         if not 1 <= len(command.z) <= size:
             raise ParamError(f"a place in sensor '{command.mount}' has up to {size} coordinates")
-        self._discard_future(self.frame, computed=self._at.frame)
-        self._clicks.setdefault(command.frame, []).append(command)
+        self._at_end(command, "the feature is started when this frame is complete")
+
+    def _zero(self, robot: str) -> None:
+        if self.frame < 0:
+            raise ParamError("no frame yet to put the axes into: step to the first one")
         if self._open is not None:
-            self.message = "the feature is started when this frame is complete"
+            # What is refused is refused now, not at the end of the frame.
+            redefine(self.world, robot)
+        self._at_end(ZeroAxes(robot), "the axes are moved when this frame is complete")
+
+    def _at_end(self, command: AtEnd, waiting: str) -> None:
+        """Do something at the end of the present frame: now, if that is where the run stands."""
+        record = None
+        if self._open is None:
+            assert self._trace is not None
+            record = self._last(self._trace, command)
+        self._discard_future(self.frame, computed=self._at.frame)
+        self._at_ends.setdefault(self.frame, []).append(command)
+        if record is None:
+            self.message = waiting
             return
         assert self._trace is not None
-        record = self._initialised(self._trace, command)
         self.metrics.truncate(self.frame - 1)
         self._forget_events(self.frame - 1)
         trace = replace(self._trace, records=(*self._trace.records, record))
@@ -435,12 +459,27 @@ class Session:
 
     def _finish(self, now: OpenFrame) -> None:
         trace = now.trace(complete=True)
-        for click in self._clicks.get(trace.frame.index, []):
-            record = self._initialised(trace, click)
+        for command in self._at_ends.get(trace.frame.index, []):
+            try:
+                record = self._last(trace, command)
+            except ParamError as why:
+                event = Event(trace.frame.index, "info", str(why))
+                record = PhaseRecord("manage", None, trace.world, 0.0, events=(event,))
             trace = replace(trace, records=(*trace.records, record))
+            self.message = record.events[-1].text
         at = Moment(trace.frame.index, trace.world, now.state, now.settings)
         self._complete(trace, at, now.source_ms)
         self._open = None
+
+    def _last(self, trace: Trace, command: AtEnd) -> PhaseRecord:
+        """One more phase of a complete frame. Raises ParamError when it can not be."""
+        if isinstance(command, InitialiseAt):
+            return self._initialised(trace, command)
+        record = zeroed(trace, command.robot)
+        # An edit that waits for the next frame must go with the new axes.
+        now, then = self.running, self._running(self._settings_at(self._next))
+        reconfigure(record.world, now.estimator, then.estimator)
+        return record
 
     def _initialised(self, trace: Trace, click: InitialiseAt) -> PhaseRecord:
         source = self.running.source
@@ -470,7 +509,7 @@ class Session:
         self._trace: Trace | None = None
         self._source_ms = 0.0
         self._edits: dict[int, list[LoggedEdit]] = {}
-        self._clicks: dict[int, list[InitialiseAt]] = {}
+        self._at_ends: dict[int, list[AtEnd]] = {}
         self._events: deque[Event] = deque(maxlen=KEPT_EVENTS)
         self._events_until = -1
         """The last frame whose events are in."""
@@ -505,8 +544,8 @@ class Session:
         computed is right only to the end of `computed`."""
         for later in [f for f in self._edits if f > frame + 1]:
             del self._edits[later]
-        for later in [f for f in self._clicks if f > frame]:
-            del self._clicks[later]
+        for later in [f for f in self._at_ends if f > frame]:
+            del self._at_ends[later]
         self._history.truncate(computed)
         self.metrics.truncate(computed)
         self._forget_events(computed)

@@ -14,9 +14,15 @@ from typing import Any, TypeVar
 import numpy as np
 
 from scene_core.arrays import Mat, Vec, frozen
+from scene_core.filter.fixed import lost
 from scene_core.filter.gaussian import convert, drop
 from scene_core.filter.world import Gaussian, Instrument, Robot, World
-from scene_core.models.base import FeatureModel, MotionModel, completed
+from scene_core.models.base import (
+    FeatureModel,
+    InternalMeasurementModel,
+    MotionModel,
+    completed,
+)
 from scene_core.params import ParamError
 from scene_core.session.config import EstimatorSettings
 from scene_core.session.estimated import with_estimated
@@ -58,14 +64,31 @@ def reconfigure(world: World, old: EstimatorSettings, new: EstimatorSettings) ->
     notes += [why for name, why in idle.items() if name in world.instruments]
     instruments = {
         name: Instrument(name, one.robot, one.model)
+    for robot, settings in new.robots.items():
+        if settings.motion is not old.robots[robot].motion:
+            check_directions(world, settings.motion)
         for name, one in new.instruments.items()
         if name not in idle
     }
     return Reconfigured(replace(world, instruments=instruments), tuple(notes))
 
+    for name, one in instruments.items():
+        if name not in world.instruments:
+            check_directions(world, one.model)
 
 def with_motion(world: World, robot: str, motion: MotionModel) -> tuple[World, list[str]]:
     """Another motion model, or the same one with other parameters, for a robot."""
+def check_directions(world: World, model: MotionModel | InternalMeasurementModel) -> None:
+    """Raise ParamError when a model relies on a direction that new axes did not keep."""
+    for word in model.world_fixed:
+        if world.axes is not None and lost(world, word):
+            raise ParamError(
+                f"'{model.name}' relies on {word}, which is not where it was since the axes were "
+                f"put at robot '{world.axes.robot}' in frame {world.axes.frame}: go back before it "
+                "and edit there, or reset"
+            )
+
+
     old = world.robots[robot].motion
     robots = {**world.robots, robot: Robot(robot, motion)}
     if type(old) is type(motion) and old.state_labels == motion.state_labels:
