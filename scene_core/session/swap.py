@@ -62,22 +62,20 @@ def reconfigure(world: World, old: EstimatorSettings, new: EstimatorSettings) ->
         notes += said
     idle = resting(new)
     notes += [why for name, why in idle.items() if name in world.instruments]
-    instruments = {
-        name: Instrument(name, one.robot, one.model)
     for robot, settings in new.robots.items():
         if settings.motion is not old.robots[robot].motion:
             check_directions(world, settings.motion)
+    instruments = {
+        name: Instrument(name, one.robot, one.model)
         for name, one in new.instruments.items()
         if name not in idle
     }
-    return Reconfigured(replace(world, instruments=instruments), tuple(notes))
-
     for name, one in instruments.items():
         if name not in world.instruments:
             check_directions(world, one.model)
+    return Reconfigured(replace(world, instruments=instruments), tuple(notes))
 
-def with_motion(world: World, robot: str, motion: MotionModel) -> tuple[World, list[str]]:
-    """Another motion model, or the same one with other parameters, for a robot."""
+
 def check_directions(world: World, model: MotionModel | InternalMeasurementModel) -> None:
     """Raise ParamError when a model relies on a direction that new axes did not keep."""
     for word in model.world_fixed:
@@ -89,6 +87,8 @@ def check_directions(world: World, model: MotionModel | InternalMeasurementModel
             )
 
 
+def with_motion(world: World, robot: str, motion: MotionModel) -> tuple[World, list[str]]:
+    """Another motion model, or the same one with other parameters, for a robot."""
     old = world.robots[robot].motion
     robots = {**world.robots, robot: Robot(robot, motion)}
     if type(old) is type(motion) and old.state_labels == motion.state_labels:
