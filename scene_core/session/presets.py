@@ -1,8 +1,8 @@
 """The scenarios: complete experiments, each with one sentence about what to look at.
 
-The simulated ones are put together in `presets_scene`, `presets_toolbox`, `presets_hand` and
-`presets_platforms`; those that play somebody's files are in `presets_recordings` and
-`presets_identified`. `images`, `mrclam`, NEEDS and RECORDINGS can be taken from here.
+The simulated ones are put together in the modules that SIMULATED names, those that play
+somebody's files in `presets_recordings` and `presets_identified`. `images`, `mrclam`, NEEDS and
+RECORDINGS can be taken from here.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from scene_core.params import ParamError
 from scene_core.session import (
+    presets_calibration,
     presets_hand,
     presets_platforms,
     presets_recordings,
@@ -43,24 +44,25 @@ class Preset:
 
 
 SIMULATED = (
-    ("A camera in somebody's hand", presets_hand),
-    ("Scene's robots", presets_scene),
-    ("The toolbox's robots", presets_toolbox),
-    ("Other platforms", presets_platforms),
+    ("Scene's ladder", (presets_hand, presets_scene)),
+    ("The toolbox's robots", (presets_toolbox,)),
+    ("Self-calibration", (presets_calibration,)),
+    ("Other platforms", (presets_platforms,)),
 )
 """Headings, and modules with SCENARIOS and ABOUT by name."""
 FILES = "Recordings"
 
 ABOUT: Mapping[str, str] = {
     name: about
-    for module in (*(m for _, m in SIMULATED), presets_recordings)
+    for module in (*(m for _, under in SIMULATED for m in under), presets_recordings)
     for name, about in module.ABOUT.items()
 }
 
 PRESETS: Mapping[str, Preset] = {
     **{
         name: Preset(name, ABOUT[name], make, group=group)
-        for group, module in SIMULATED
+        for group, modules in SIMULATED
+        for module in modules
         for name, make in module.SCENARIOS.items()
     },
     **{name: Preset(name, ABOUT[name], None, flags, FILES) for name, flags in NEEDS.items()},

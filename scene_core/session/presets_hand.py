@@ -1,4 +1,4 @@
-"""A camera in somebody's hand: in a rendered room, with a gyro, and calibrating itself."""
+"""A camera in somebody's hand: in a rendered room, and with a gyro."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from scene_core.session.config import Experiment, KnownFeature
 from scene_core.session.presets_parts import (
     OWN_AXES,
     RobotParts,
-    identified,
+    known_points,
     mount,
     robot,
     seen_from_anywhere,
@@ -25,15 +25,13 @@ from scene_core.session.presets_parts import (
 from scene_core.sources.handheld import HandHeld
 from scene_core.sources.render import Rendering
 from scene_core.sources.room import TexturedRoom, poster_corners
-from scene_core.sources.worlds import SimulatedWorld, ThickCloister, landmarks
+from scene_core.sources.worlds import ThickCloister
 
 ABOUT: Mapping[str, str] = {
     "room": "A camera in somebody's hand looks round a room and comes back to the poster it "
     "started from: watch patches being searched in their ellipses.",
     "gyro": "A hand-held camera that also feels how fast it turns and moves: watch the internal "
     "measurements narrow the search ellipses before an image is looked at.",
-    "calibration": "A badly calibrated camera in a hand looks at six known points and many unknown "
-    "ones: watch focal lengths, centre and distortion find their values.",
 }
 HAND_START_SD: Mapping[str, float] = {
     **{"x": 0.02, "y": 0.02, "z": 0.02, "rx": 0.01, "ry": 0.01, "rz": 0.01},
@@ -101,33 +99,8 @@ def gyro() -> Experiment:
             management=Management(keep_visible=20, max_new=2, max_new_first=8),
         ),
         felt={"gyro": ("hand", Gyro()), "speedometer": ("hand", Speed(sd=0.1))},
-        known=_columns(world),
-        dt=1.0 / RATE,
-    )
-
-
-def calibration() -> Experiment:
-    """Focal lengths, centre and distortion in the state, the true ones up to 3 sd away."""
-    world = ThickCloister()
-    return simulated(
-        "calibration",
-        ABOUT["calibration"],
-        world,
-        {"hand": _hand()},
-        {
-            "camera": mount(
-                replace(_pinhole(), distortion=(0.0, 0.0)),
-                "hand",
-                OWN_AXES,
-                calib_sd={"u0": 3.0, "v0": 3.0, "fu": 6.0, "fv": 6.0, "d2": 0.03, "d4": 0.01},
-                true_calib={
-                    **{"u0": 166.0, "v0": 114.0, "fu": 210.0, "fv": 208.0},
-                    **{"d2": -0.06, "d4": 0.01},
-                },
-            )
-        },
-        identified(InverseDepth(rho_mean=0.2, rho_sd=0.3, pole="z"), 12, new=2, update="iterated"),
-        known=_columns(world),
+        # Three columns: a camera alone can not tell how large the world is.
+        known=known_points(world, (7, 8, 9, 43, 44, 45)),
         dt=1.0 / RATE,
     )
 
@@ -144,14 +117,7 @@ def _pinhole() -> Pinhole:
     )
 
 
-def _columns(world: SimulatedWorld) -> tuple[KnownFeature, ...]:
-    """Three columns in the first view: a camera alone can not tell how large the world is."""
-    places = dict(zip(*(a.tolist() for a in landmarks(world)), strict=True))
-    return tuple(KnownFeature(tuple(places[i]), i, 0.01) for i in (7, 8, 9, 43, 44, 45))
-
-
 SCENARIOS: Mapping[str, Callable[[], Experiment]] = {
     "room": room,
     "gyro": gyro,
-    "calibration": calibration,
 }

@@ -25,7 +25,7 @@ from scene_core.session.config import (
 from scene_core.sources.drivers import Driver
 from scene_core.sources.simulated import Simulation
 from scene_core.sources.truth import TrueInstrument, TrueMount, TrueRobot
-from scene_core.sources.worlds import SimulatedWorld
+from scene_core.sources.worlds import SimulatedWorld, landmarks
 
 Pose = tuple[float, ...]
 AnyCamera = TypeVar("AnyCamera", bound=CentralCamera)
@@ -160,6 +160,14 @@ def identified(
 def seen_from_anywhere(camera: AnyCamera) -> AnyCamera:
     """A camera whose landmarks have identities, read from any distance and direction."""
     return replace(camera, max_scale=0.0, max_angle=0.0)
+
+
+def known_points(
+    world: SimulatedWorld, ids: tuple[int, ...], sd: float = 0.01
+) -> tuple[KnownFeature, ...]:
+    """Points of a world that stands with z up, given at the start by their identities."""
+    places = dict(zip(*(a.tolist() for a in landmarks(world)), strict=True))
+    return tuple(KnownFeature(tuple(places[i]), i, sd) for i in ids)
 
 
 def off(pose: Pose, turn: tuple[float, float, float]) -> Pose:

@@ -1,4 +1,4 @@
-"""Robots and sensors neither ancestor had, and a camera that calibrates itself."""
+"""Robots and sensors neither ancestor had."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from scene_core.session.config import Experiment
 from scene_core.session.presets_parts import (
     FORWARD,
     identified,
+    known_points,
     mount,
     robot,
     seen_from_anywhere,
@@ -25,7 +26,6 @@ from scene_core.session.presets_parts import (
 from scene_core.sources.buildings import CorridorPlan
 from scene_core.sources.drivers import Waypoints
 from scene_core.sources.manual import Manual
-from scene_core.sources.scattered import RandomWorld
 from scene_core.sources.worlds import ThickCloister
 
 ABOUT: Mapping[str, str] = {
@@ -50,7 +50,7 @@ def arm() -> Experiment:
     return simulated(
         "arm",
         ABOUT["arm"],
-        RandomWorld(count=120, extent=4.0, height=2.5),
+        ThickCloister(x0=-2.4, x1=2.4, y0=-2.4, y1=2.4, h=1.8),
         {
             "arm": robot(
                 Arm(),
@@ -62,7 +62,7 @@ def arm() -> Experiment:
             )
         },
         {"camera": mount(_camera(), "arm", (0.0, 0.0, 0.0, *FORWARD))},
-        identified(InverseDepth(rho_mean=0.3, rho_sd=0.3), 10, update="iterated"),
+        identified(InverseDepth(rho_mean=0.4, rho_sd=0.3, linearity=0.05), 10, update="iterated"),
     )
 
 
@@ -77,7 +77,7 @@ def corridor() -> Experiment:
         plan,
         {
             "robot": robot(
-                PlanarUnicycle(sd_v=0.1, sd_w=0.1, cruise=1.0, arrive=0.5, turn_rate=0.8),
+                PlanarUnicycle(sd_v=0.05, sd_w=0.03, cruise=1.0, arrive=0.5, turn_rate=0.8),
                 Waypoints((*corners[1:], corners[0])),
                 {"z": z, "x": x},
                 dict.fromkeys(TWO_D.labels, 0.01),
@@ -85,7 +85,7 @@ def corridor() -> Experiment:
         },
         {
             "scanner": mount(
-                RangeBearing(sd_range=0.05, sd_bearing=0.02, reach_max=4.0, field_of_view=math.pi),
+                RangeBearing(sd_range=0.03, sd_bearing=0.01, reach_max=4.0, field_of_view=math.pi),
                 "robot",
                 (0.0, 0.0, 0.0),
             )
@@ -96,12 +96,14 @@ def corridor() -> Experiment:
 
 
 def inertial() -> Experiment:
-    """Round the cloister at 1 m/s by the commands of accelerometer and gyro; biases unknown."""
+    """Round the cloister at 1 m/s by what accelerometer and gyro report; biases unknown, three
+    columns known."""
+    world = ThickCloister(h=1.5)
     biases = {**{f"ba{i}": 0.1 for i in "xyz"}, **{f"bg{i}": 0.01 for i in "xyz"}}
     return simulated(
         "inertial",
         ABOUT["inertial"],
-        ThickCloister(h=1.5),
+        world,
         {
             "body": robot(
                 Inertial(),
@@ -111,7 +113,8 @@ def inertial() -> Experiment:
             )
         },
         {"camera": mount(_camera(), "body", (0.0, 0.0, 0.0, *FORWARD))},
-        identified(InverseDepth(rho_mean=0.2, rho_sd=0.3), 10, update="iterated"),
+        identified(InverseDepth(rho_mean=0.2, rho_sd=0.2, linearity=0.05), 10, update="iterated"),
+        known=known_points(world, (19, 24, 36, 55, 60, 72)),
         dt=0.05,
     )
 

@@ -1,5 +1,4 @@
-"""Scene's ladder of robots: on a line, in the plane, on undulating ground; and a car that finds
-its own scales."""
+"""Scene's ladder of robots: on a line, in the plane, on undulating ground."""
 
 from __future__ import annotations
 
@@ -8,15 +7,11 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from scene_core.geometry.spaces import TWO_D
 from scene_core.models.base import InternalMeasurementModel
 from scene_core.models.features.point_1d import Point1D
 from scene_core.models.features.point_2d import Point2D
 from scene_core.models.features.point_3d import EuclideanPoint
 from scene_core.models.internal.roll_pitch import RollPitch
-from scene_core.models.internal.steering_encoder import SteeringEncoder
-from scene_core.models.internal.wheel_speed import WheelSpeed
-from scene_core.models.motion.ackermann import PlanarAckermann
 from scene_core.models.motion.nomad import PlanarNomad
 from scene_core.models.motion.nomad_3d import TerrainNomad
 from scene_core.models.motion.velocity_1d import Velocity1D
@@ -34,8 +29,6 @@ ABOUT: Mapping[str, str] = {
     "covariance matrix fill.",
     "nomad": "A planar robot finds out that it is slower than it believes: its velocity scale is "
     "part of the state and goes from 1.0 to 0.9.",
-    "car": "A car whose speedometer and steering are both wrong: watch two scales in the state "
-    "find by how much, while encoders narrow each prediction.",
     "terrain": "Scene's robot with its stereo head on undulating ground, where every step tilts "
     "it: watch roll, pitch and height stay uncertain between the landmarks.",
     "terrain_roll_pitch": "The same drive with an inclinometer: watch roll and pitch pinned "
@@ -79,36 +72,6 @@ def nomad() -> Experiment:
             )
         },
         identified(Point2D(), 20, new=5, first=20, features=60),
-        up="y",
-    )
-
-
-def car() -> Experiment:
-    """A car on a course round a park: both scales believed 1 +- 0.1, truly 0.88 and 1.12."""
-    return simulated(
-        "car",
-        ABOUT["car"],
-        Field(step=5.0),
-        {
-            "car": robot(
-                PlanarAckermann(sd_accel=0.2, sd_steer_rate=0.05),
-                Waypoints(((12.0, 8.0), (12.0, -8.0), (-12.0, -8.0), (-12.0, 8.0))),
-                {"z": 12.0, "x": 8.0, "phi": -math.pi / 2},
-                {**dict.fromkeys(TWO_D.labels, 0.02), "v": 0.02, "delta": 0.01},
-                calib_sd={"speed scale": 0.1, "steering scale": 0.1},
-                true_calib={"speed scale": 0.88, "steering scale": 1.12},
-            )
-        },
-        {
-            "scanner": mount(
-                RangeBearing(sd_range=0.1, sd_bearing=0.02, reach_max=12.0), "car", IN_PLANE
-            )
-        },
-        identified(Point2D(), 10, new=5, first=20, features=60),
-        felt={
-            "wheel": ("car", WheelSpeed()),
-            "steering": ("car", SteeringEncoder()),
-        },
         up="y",
     )
 
@@ -159,5 +122,4 @@ SCENARIOS: Mapping[str, Callable[[], Experiment]] = {
     "nomad": nomad,
     "terrain": terrain,
     "terrain_roll_pitch": terrain_roll_pitch,
-    "car": car,
 }
