@@ -14,6 +14,7 @@ from scene_core.params import ParamError
 from scene_core.session import (
     presets_calibration,
     presets_hand,
+    presets_lines,
     presets_platforms,
     presets_recordings,
     presets_scene,
@@ -45,7 +46,7 @@ class Preset:
 
 SIMULATED = (
     ("Scene's ladder", (presets_hand, presets_scene)),
-    ("The toolbox's robots", (presets_toolbox,)),
+    ("The toolbox's robots", (presets_toolbox, presets_lines)),
     ("Self-calibration", (presets_calibration,)),
     ("Other platforms", (presets_platforms,)),
 )

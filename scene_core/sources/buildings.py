@@ -17,6 +17,8 @@ WALL_SHARE = 0.625
 """Height of the walls below the roof, as a fraction of the house's."""
 DOOR = (0.9, 2.0)
 """Width and height of a door, m."""
+GOLDEN = (5.0**0.5 - 1.0) / 2.0
+"""Multiples of it, less their whole parts, fill the unit interval evenly."""
 EDGE = 0.3
 """Points of the corridor keep this far from floor and ceiling, m."""
 
@@ -45,9 +47,19 @@ class House(SimulatedWorld):
     """Along y."""
     height: float = param(4.0, unit="m", lo=0.1, hi=1e4, soft=(1.0, 20.0), effect="on reset")
     """Up to the ridge of the roof."""
+    marks: int = param(0, lo=0, hi=1000, soft=(0, 100), effect="on reset", label="Marks")
+    """So many points on its four walls, evenly all over them."""
 
     def points(self) -> tuple[np.ndarray, Vec]:
-        return np.zeros(0, dtype=int), np.zeros((0, 3))
+        """Round the house at heights that never come back to where they were."""
+        ids = np.arange(1, self.marks + 1)
+        round_it = 4.0 * (ids - 0.5) / max(self.marks, 1)
+        wall, along = round_it.astype(int), round_it % 1.0
+        corners = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0)])
+        at = corners[wall] + along[:, None] * (corners[wall + 1] - corners[wall])
+        up = WALL_SHARE * (ids * GOLDEN % 1.0)
+        size, corner = (self.length, self.width, self.height), (self.x, self.y, self.z)
+        return ids, np.array(corner) + np.column_stack([at, up]) * np.array(size)
 
     def segments(self) -> Mat:
         """In units of the house's size, then moved and stretched."""

@@ -59,6 +59,30 @@ def test_the_cloister_is_the_toolboxs() -> None:
     assert -2.0 * math.log1p(-gate) == pytest.approx(9.0)
 
 
+def test_the_house_is_the_toolboxs_and_its_lines_are_mapped() -> None:
+    session = Session(presets.build("house"))
+    for _ in range(40):
+        session.advance()
+    features = session.world.features.values()
+    assert len(features) > 12 and {f.model.shape for f in features} == {"segment"}
+    assert session.metrics.totals()["accepted"] > 200
+    error = session.metrics.series().robots["robot"].error
+    assert error is not None and np.linalg.norm(error[-1, :3]) < 0.03
+
+
+def test_points_and_lines_are_mapped_and_measured_together() -> None:
+    session = Session(presets.build("points_and_lines"))
+    kinds: set[str] = set()
+    for _ in range(20):
+        trace = session.advance()
+        kinds |= {
+            trace.world.features[a.label].model.shape
+            for a in trace.associations()
+            if a.verdict == "accepted"
+        }
+    assert kinds == {"point", "segment"}
+
+
 def test_the_room_starts_from_the_poster_and_is_rendered() -> None:
     session = Session(presets.build("room"))
     assert sorted(session.world.features) == [1, 2, 3, 4]

@@ -88,6 +88,15 @@ def test_the_house_has_the_segments_of_the_toolbox() -> None:
     assert len({tuple(map(tuple, np.sort(s, axis=0))) for s in segments.tolist()}) == 23
 
 
+def test_marks_are_on_the_walls_of_the_house_all_round() -> None:
+    ids, at = House(marks=60).points()
+    assert ids.tolist() == list(range(1, 61)) and len(House().points()[0]) == 0
+    assert np.isclose(np.abs(at[:, :2]).max(axis=1), 2.5).all()
+    assert (at[:, 2] > 0.0).all() and (at[:, 2] < 2.5).all()
+    walls = [np.count_nonzero(np.isclose(at[:, i], s)) for i in (0, 1) for s in (-2.5, 2.5)]
+    assert walls == [15] * 4 and np.ptp(at[:15, 2]) > 2.0
+
+
 def test_a_house_is_moved_and_stretched() -> None:
     moved = House(x=1.0, y=-2.0, z=0.5, length=10.0, width=2.5, height=8.0).segments()
     expected = (House(x=0.0, y=0.0).segments() * [2.0, 0.5, 2.0]) + [1.0, -2.0, 0.5]
