@@ -57,6 +57,8 @@ def _of_points(world: World, at: SensorState, group: Group) -> Predictions:
     seen = observe(at, group, world.gauss.x)
     E = innovation_covariance(world.gauss.P, rows(at, seen))
     R = sensor.R(seen.h)
+    # A marker moves: where it was first seen from says nothing about how it looks now.
+    pose0 = group.pose0 if group.carrier is None else np.broadcast_to(at.xws, group.pose0.shape)
     return Predictions(
         mount=at.mount.id,
         model=group.model.name,
@@ -65,7 +67,7 @@ def _of_points(world: World, at: SensorState, group: Group) -> Predictions:
         H=roles(at, seen, world.gauss),
         E=E,
         R=R,
-        fault=sensor.visibility(seen.h, seen.X_S, at.xws, group.pose0, seen.X_W),
+        fault=sensor.visibility(seen.h, seen.X_S, at.xws, pose0, seen.X_W),
         score=score(sensor, world.policies.selection.score, E, R),
         selected=np.zeros(len(group.labels), dtype=bool),
     )

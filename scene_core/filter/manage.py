@@ -6,24 +6,21 @@ Source: Davison, Scene, section 5.2 and MonoSLAM's map management; Solà, toolbo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from scene_core.arrays import Mat, Vec
+from scene_core.arrays import Vec
 from scene_core.filter.birth import end_rays, initialise_new
 from scene_core.filter.gaussian import convert, drop
 from scene_core.filter.groups import groups
 from scene_core.filter.observe import sensor_state
 from scene_core.filter.ports import Frame, Source
 from scene_core.filter.records import Event, Predictions
+from scene_core.filter.settle import settled
 from scene_core.filter.world import Feature, Label, World
-from scene_core.models.base import (
-    FeatureModel,
-    Particles,
-    completed,
-)
+from scene_core.models.base import completed
 
 
 def manage(
@@ -38,17 +35,21 @@ def manage(
     """Convert what has become certain, delete what fails, look for what is new."""
     if world.policies.management.extend_lines:
         world = extended(world, mount, updated, measured)
-    world, events = convert_ready(world, mount, updated)
+    world, events = convert_ready(world, mount, dict(zip(updated, measured, strict=True)))
     world, deleted = delete_failing(world)
     events += deleted
     world, born = initialise_new(world, frame, source, mount, predictions)
     return world, events + born
 
 
-def convert_ready(world: World, mount: str, labels: Sequence[Label]) -> tuple[World, list[Event]]:
-    """Reparametrise those of the features whose model says they are ready."""
+def convert_ready(
+    world: World, mount: str, measured: Mapping[Label, Vec]
+) -> tuple[World, list[Event]]:
+    """Reparametrise those of the measured features whose model says they are ready."""
     events: list[Event] = []
-    candidates = [label for label in labels if world.features[label].model.successor() is not None]
+    candidates = [
+        label for label in measured if world.features[label].model.successor() is not None
+    ]
     if not candidates:
         return world, events
     xws = sensor_state(world, mount).xws
@@ -61,8 +62,12 @@ def convert_ready(world: World, mount: str, labels: Sequence[Label]) -> tuple[Wo
         else:
             ready = group.model.ready(y, Pyy, xws)
         for i in np.flatnonzero(ready):
-            world = _converted(world, group.labels[int(i)])
-            f = world.features[group.labels[int(i)]]
+            label = group.labels[int(i)]
+            if group.partial:
+                world = settled(world, mount, label, measured[label])
+            else:
+                world = _converted(world, label)
+            f = world.features[label]
             events.append(Event(world.frame, "converted", _about(world, f, xws), f.label))
     return world, events
 
@@ -81,23 +86,11 @@ def _converted(world: World, label: Label) -> World:
     successor = feature.model.successor()
     assert successor is not None
     y = world.gauss.mean(feature.block)
-    noise = None
-    if feature.particles is None:
-        value, J = completed(feature.model.convert(y), feature.model.convert, y)
-    else:
-        value, J, noise = _settled(feature.model, y, feature.particles)
+    value, J = completed(feature.model.convert(y), feature.model.convert, y)
     assert J is not None
-    gauss = convert(world.gauss, feature.block, value, J, noise)
-    features = {**world.features, label: replace(feature, model=successor, particles=None)}
+    gauss = convert(world.gauss, feature.block, value, J)
+    features = {**world.features, label: replace(feature, model=successor)}
     return replace(world, gauss=gauss, features=features)
-
-
-def _settled(model: FeatureModel, y: Vec, particles: Particles) -> tuple[Vec, Mat, Mat]:
-    """y with the particles' mean in it, its Jacobian, and what their covariance adds."""
-    lam, var = model.moments(particles)
-    value, by_y, by_lam = completed(model.settle(y, lam), model.settle, y, lam)
-    assert by_y is not None and by_lam is not None
-    return value, by_y, by_lam @ var @ by_lam.T
 
 
 def extended(world: World, mount: str, labels: Sequence[Label], measured: Sequence[Vec]) -> World:

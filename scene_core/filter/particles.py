@@ -1,12 +1,18 @@
 """Partial features: what the filter does not know yet is carried by particles.
 
-A particle lam_k with weight w_k makes its own prediction h_k with S_k = H_k P H_k' + R. A match z
-reweights them, w_k <- w_k N(z; h_k, S_k), without touching the state; what has become improbable
-is pruned. Once they have collapsed the feature is settled and has a place in the state like others,
-    y = g(yp, lam),  P_yy = G_y P_pp G_y' + G_lam var(lam) G_lam'.
+A particle lam_k with weight w_k predicts h_k + b_k with S_k = B_k + R. A match z reweights them,
+w_k <- w_k N(z; h_k + b_k, S_k), without touching the state; what has become improbable is pruned.
+
+b_k with covariance B_k is the error that all measurements of the feature have in common: that of
+its first view, and of the way since. It begins as 0 with E_k = H_k P H_k' and grows by what E_k
+grows; given lam_k, a match tells it too,
+    K = B_k S_k^-1,  b_k <- b_k + K nu,  B_k <- B_k - K S_k K'.
+With 0 and E_k in every frame, as in SceneLib, N measurements that repeat one error pass for N
+independent ones. Once the particles have collapsed the feature becomes a complete one: `settle`.
 
 Source: Davison, *Real-Time Simultaneous Localisation and Mapping with a Single Camera*, ICCV 2003,
-section 4; SceneLib 1.0's numbers.
+section 4; SceneLib 1.0's numbers. The common error is the bias of Friedland, *Treatment of bias in
+recursive filtering*, TAC 1969.
 """
 
 from __future__ import annotations
@@ -23,7 +29,7 @@ from scene_core.filter.observe import SensorState, innovation_covariance, see, s
 from scene_core.filter.ports import Match
 from scene_core.filter.records import Predictions
 from scene_core.filter.scores import score
-from scene_core.filter.world import Feature, Label, World
+from scene_core.filter.world import Feature, Label, Learnt, World
 from scene_core.models.base import Particles, completed
 
 PRUNE = 0.05
@@ -35,9 +41,15 @@ class Hypotheses:
     """The predictions of every particle of every feature of a group."""
 
     h: Vec
-    """(N, K, m)"""
+    """h_k + b_k (N, K, m)"""
     S: Mat
+    """B_k + R (N, K, m, m)"""
+    b: Vec
+    """(N, K, m)"""
+    B: Mat
     """(N, K, m, m)"""
+    E: Mat
+    """H_k P H_k' (N, K, m, m)"""
     w: Vec
     """(N, K), zero where a feature has fewer than K particles."""
     H_shared: Mat
@@ -60,15 +72,33 @@ def hypotheses(world: World, at: SensorState, group: Group) -> Hypotheses:
     each = group.rows(np.repeat(np.arange(n), K))
     seen = see(at, each, X_W.reshape(n * K, d1), by_y)
     parts = Rows(at.columns, seen.H_shared, each.columns, seen.H_own)
-    S = innovation_covariance(world.gauss.P, parts) + sensor.R(seen.h)
     m = seen.h.shape[-1]
+    E = innovation_covariance(world.gauss.P, parts).reshape(n, K, m, m)
+    b, B = common(world, at.mount.id, group.labels, E)
+    h = seen.h.reshape(n, K, m) + b
     return Hypotheses(
-        seen.h.reshape(n, K, m),
-        S.reshape(n, K, m, m),
+        h,
+        B + sensor.R(h),
+        b,
+        B,
+        E,
         w,
         seen.H_shared.reshape(n, K, m, -1),
         seen.H_own.reshape(n, K, m, -1),
     )
+
+
+def common(world: World, mount: str, labels: Sequence[Label], E: Mat) -> tuple[Vec, Mat]:
+    """b (N, K, m) and B (N, K, m, m) of the features before a measurement, from E (N, K, m, m)."""
+    b, B = np.zeros(E.shape[:-1]), E.copy()
+    for i, label in enumerate(labels):
+        past = world.features[label].learnt.get(mount)
+        if past is not None:
+            K = len(past.b)
+            values, vectors = np.linalg.eigh(E[i, :K] - past.E)
+            grown = (vectors * np.maximum(values, 0.0)[:, None]) @ np.swapaxes(vectors, -1, -2)
+            b[i, :K], B[i, :K] = past.b, past.B + grown
+    return b, B
 
 
 def open_predictions(world: World, at: SensorState, group: Group) -> Predictions:
@@ -133,16 +163,31 @@ def reweighted(world: World, mount: str, matches: Sequence[Match]) -> dict[Label
             z, cloud = found[label], group.particles[i]
             K = len(cloud.w)
             nu = at.mount.sensor.nu(hyp.h[i, :K], z).nu
-            S = hyp.S[i, :K]
+            S, B = hyp.S[i, :K], hyp.B[i, :K]
             log_w = np.log(np.maximum(cloud.w, 1e-300)) - 0.5 * (
                 _squared(nu, S) + np.linalg.slogdet(S)[1]
             )
             w = np.exp(log_w - log_w.max())
             keep = w >= PRUNE * w.mean()
             w = w[keep] / w[keep].sum()
-            cloud = Particles(frozen(cloud.lam[keep]), frozen(w))
-            out[label] = replace(world.features[label], particles=cloud)
+            gain = B @ np.linalg.inv(S)
+            b = hyp.b[i, :K] + (gain @ nu[..., None])[..., 0]
+            B = B - gain @ S @ np.swapaxes(gain, -1, -2)
+            learnt = _kept(Learnt(b, B, hyp.E[i, :K]), keep)
+            feature = world.features[label]
+            out[label] = replace(
+                feature,
+                particles=Particles(frozen(cloud.lam[keep]), frozen(w)),
+                learnt={
+                    **{name: _kept(past, keep) for name, past in feature.learnt.items()},
+                    mount: learnt,
+                },
+            )
     return out
+
+
+def _kept(past: Learnt, keep: np.ndarray) -> Learnt:
+    return Learnt(frozen(past.b[keep]), frozen(past.B[keep]), frozen(past.E[keep]))
 
 
 def _means(group: Group) -> Vec:

@@ -8,7 +8,7 @@ somebody wants to look at it.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -138,6 +138,19 @@ class Instrument:
 
 
 @dataclass(frozen=True)
+class Learnt:
+    """What all measurements of a partial feature by one mount have in common, given each of its
+    particles: the error of its first view, and of the way since."""
+
+    b: Vec
+    """Mean (K, m), to be added to a prediction."""
+    B: Mat
+    """Covariance (K, m, m)."""
+    E: Mat
+    """H_k P H_k' (K, m, m) at the time: how large it could have been."""
+
+
+@dataclass(frozen=True)
 class Feature:
     """What is known of a landmark besides its block feature:<label> of the state.
 
@@ -166,6 +179,8 @@ class Feature:
     """Given at the start, not found by the filter."""
     particles: Particles | None = None
     """Free parameters of a partial feature."""
+    learnt: Mapping[str, Learnt] = field(default_factory=dict)
+    """What each mount's measurements of it have in common, by mount."""
     extent: tuple[float, float] | None = None
     """Where a segment begins and ends along its line; not a part of the state."""
     carrier: str = ""

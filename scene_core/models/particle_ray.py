@@ -152,10 +152,24 @@ class ParticleRay(FeatureModel):
             lam = np.linspace(1.0 / near, 0.0, n)
         return Particles(frozen(lam[:, None]), frozen(np.full(n, 1.0 / n)))
 
+    def moments(self, particles: Particles) -> tuple[Vec, Mat]:
+        """Mean and variance of the depth; of particles in inverse depth told as rho = 1 / mean.
+
+        A spread of 0.3 in rho is skewed in depth by as much as a third of its own: with 1 / rho for
+        the mean the map comes out too small. While some reach infinity it is the mean of rho.
+        """
+        rho, w = particles.lam[:, 0], particles.w
+        if self.uniform_in == "depth" or rho.min() <= 1e-9:
+            return FeatureModel.moments(self, particles)
+        mean = w @ (1.0 / rho)
+        var = w @ (1.0 / rho - mean) ** 2
+        return np.array([1.0 / mean]), np.array([[var / mean**4]])
+
     def spent(self, particles: Particles) -> bool:
         return len(particles.w) < self.min_particles
 
     def settled(self, y: Vec, particles: Particles) -> bool:
+        """Their spread is below `ratio` of their mean, in depth."""
         mean, var = self.moments(particles)
         return not self.spent(particles) and bool(np.sqrt(var[0, 0]) < self.ratio * mean[0])
 

@@ -1,0 +1,57 @@
+"""A partial feature becomes a complete one: its particles' mean goes into the state.
+
+    y = g(yp, lam),  P_yy = G_y P_pp G_y' + G_lam (WIDER^2 var(lam)) G_lam',
+and then the match of this frame, which has only weighted particles so far, updates the state.
+
+The error of lam is that of the way between the views it was triangulated from, which other features
+of the same frames share. Particles can not say so: with var(lam) alone a whole map that was born
+together passes for as many independent measurements of that way. Made wider, nearly all that is
+known of lam comes from the first view and this one, with every correlation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from scene_core.arrays import Mat, Vec
+from scene_core.filter.gaussian import Gaussian, Workspace, convert
+from scene_core.filter.groups import groups
+from scene_core.filter.observe import observe, residual, sensor_state
+from scene_core.filter.predict import normalise_robots
+from scene_core.filter.world import Feature, Label, World
+from scene_core.models.base import completed
+
+WIDER = 3.0
+"""Times the standard deviation of the particles."""
+
+
+def settled(world: World, mount: str, label: Label, z: Vec) -> World:
+    """The world with a partial feature in its successor's parametrisation, measured at z."""
+    feature = world.features[label]
+    successor = feature.model.successor()
+    assert successor is not None
+    gauss = placed(world.gauss, feature, WIDER)
+    features = {
+        **world.features,
+        label: replace(feature, model=successor, particles=None, learnt={}),
+    }
+    world = replace(world, gauss=gauss, features=features)
+    at = sensor_state(world, mount)
+    found = residual(at, observe(at, groups(world, [label])[0], gauss.x), z[None])
+    work = Workspace(gauss)
+    work.update([found.rows], found.nu.ravel(), found.R)
+    normalise_robots(work, world)
+    return replace(world, gauss=work.seal())
+
+
+def placed(gauss: Gaussian, feature: Feature, wider: float = 1.0) -> Gaussian:
+    """The state with a partial feature's block replaced by its successor's, the standard deviation
+    of its particles taken `wider` times."""
+    model, cloud = feature.model, feature.particles
+    assert cloud is not None
+    y = gauss.mean(feature.block)
+    lam, var = model.moments(cloud)
+    value, by_y, by_lam = completed(model.settle(y, lam), model.settle, y, lam)
+    assert by_y is not None and by_lam is not None
+    noise: Mat = wider**2 * by_lam @ var @ by_lam.T
+    return convert(gauss, feature.block, value, by_y, noise)
