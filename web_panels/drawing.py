@@ -16,7 +16,7 @@ import numpy as np
 from scene_core.arrays import Mat, Vec
 from web_panels.labels import Drawn, Occupancy
 from web_panels.marks import Mark, Scene
-from web_panels.painter import Painter, circle, pale
+from web_panels.painter import Painter, circle, dots, pale
 from web_panels.style import C
 
 ORDER = ("out", "unselected", "ink", "partial", "nomatch", "accepted", "rejected")
@@ -59,6 +59,14 @@ class Shape(Drawn):
     """A mark on the canvas."""
 
     mark: Mark
+    curve: Vec | None = None
+    """Of a line: (K, 2) where it is predicted."""
+    seen: Vec | None = None
+    """(K, 2) where it was measured."""
+    true_curve: Vec | None = None
+    """(K, 2) where it really is."""
+    particles: tuple[Vec, Vec] | None = None
+    """Where the particles of an open feature are, and their weights."""
 
 
 def paint(scene: Scene, chart: Chart, truth: bool) -> tuple[np.ndarray, list[Shape]]:
@@ -76,6 +84,8 @@ def paint(scene: Scene, chart: Chart, truth: bool) -> tuple[np.ndarray, list[Sha
         for s in shapes:
             if s.true is not None:
                 painter.gapped_cross(s.true, C["truth"])
+            if s.true_curve is not None:
+                painter.curve(s.true_curve, C["truth"], 1.2)
     _draw_ids(painter, [_bare(s) for s in shapes] if chart.wide else shapes)
     return painter.canvas, shapes
 
@@ -98,10 +108,39 @@ def shapes_of(scene: Scene, chart: Chart) -> list[Shape]:
     u = chart.size[0] / 640.0
     half = [max(6.0 * u, chart.magnification * m.patch / 2) for m in marks]
     true = _placed(chart, [m.true_z for m in marks], lane)
-    return [
+    shapes = [
         Shape(centres[i], contours[owner == i], matched.get(i), true.get(i), half[i], m)
         for i, m in enumerate(marks)
     ]
+    return [_with_line(_with_particles(s, chart), chart) for s in shapes]
+
+
+def _with_line(s: Shape, chart: Chart) -> Shape:
+    """A line has curves, and its band as its region."""
+    line = s.mark.line
+    if line is None:
+        return s
+
+    def place(z: Vec | None) -> Vec | None:
+        return None if z is None else chart.place(z, np.full(len(z), s.mark.label))
+
+    banded = len(line.band) > 0 and s.mark.state not in ("unselected", "out")
+    band = place(line.band) if banded else None
+    return replace(
+        s,
+        contours=s.contours if band is None else band[None],
+        half=4.0 * chart.size[0] / 640.0,
+        curve=place(line.curve),
+        seen=place(line.seen),
+        true_curve=place(line.true),
+    )
+
+
+def _with_particles(s: Shape, chart: Chart) -> Shape:
+    if s.mark.particles is None:
+        return s
+    h, w = s.mark.particles
+    return replace(s, particles=(chart.place(h, np.full(len(h), s.mark.label)), w))
 
 
 def _regions(m: Mark) -> list[tuple[Vec, Mat]]:
@@ -119,8 +158,13 @@ def _placed(chart: Chart, z: Sequence[Vec | None], lane: np.ndarray) -> dict[int
 
 
 def _draw(painter: Painter, s: Shape) -> None:
+    if s.curve is not None:
+        _draw_line(painter, s, s.curve)
+        return
     state, colour = s.mark.state, C[s.mark.state]
     width = WIDTH.get(state, THIN)
+    if s.particles is not None:
+        _draw_particles(painter, *s.particles)
     if s.mark.string is not None:
         painter.rings(s.contours, C["partial"], 1.6)
     elif state == "rejected":
@@ -133,9 +177,33 @@ def _draw(painter: Painter, s: Shape) -> None:
     painter.cross(s.centre, C["partial"] if s.mark.partial else colour, 4.0, 1.4)
 
 
+def _draw_line(painter: Painter, s: Shape, curve: Vec) -> None:
+    """The band of the gate thin, the predicted line, and the measured one with its ends."""
+    state, colour = s.mark.state, C[s.mark.state]
+    if state == "rejected":
+        painter.dashed(s.contours, colour, THIN)
+    else:
+        painter.rings(s.contours, colour, THIN)
+    painter.curve(curve, colour, 0.6 * WIDTH.get(state, THIN / 0.6))
+    if s.seen is not None:
+        pieces = np.array_split(s.seen, 5)[::2] if state == "rejected" else [s.seen]
+        for piece in pieces:
+            painter.curve(piece, colour, 2.6)
+        for end in (s.seen[0], s.seen[-1]):
+            painter.square(end, colour, s.half, 1.8)
+
+
+def _draw_particles(painter: Painter, at: Vec, w: Vec) -> None:
+    """Discs with an area that grows with the weight."""
+    for place, weight in zip(at, w, strict=True):
+        dots(painter.canvas, place[None], (1.0 + 3.0 * weight**0.5) * painter.u, C["partial"])
+
+
 def _draw_selected(painter: Painter, s: Shape) -> None:
     """A white line around all that belongs to the selected feature."""
-    if len(s.contours):
+    if s.curve is not None and not len(s.contours):
+        hull = cv2.convexHull(s.curve.astype(np.float32))[:, 0]
+    elif len(s.contours):
         hull = cv2.convexHull(s.contours.reshape(-1, 2).astype(np.float32))[:, 0]
     else:
         hull = s.centre + 12.0 * painter.u * circle(32)
@@ -166,12 +234,22 @@ def _bare(s: Shape) -> Shape:
     return replace(s, contours=np.zeros((0, 3, 2)))
 
 
+def from_curve(xy: Vec, curve: Vec) -> float:
+    """Distance of a place from the straight pieces of a curve (K, 2)."""
+    way, off = np.diff(curve, axis=0), xy - curve[:-1]
+    t = np.clip(np.vecdot(off, way) / np.maximum(np.vecdot(way, way), 1e-12), 0.0, 1.0)
+    return float(np.linalg.norm(off - t[:, None] * way, axis=1).min())
+
+
 def hit(shapes: Sequence[Shape], xy: Vec, reach: float) -> int | None:
     """The feature under a click: the nearest one inside whose ellipse it is, or within reach."""
     best: tuple[float, int] | None = None
     for s in shapes:
         spots = [s.centre] if s.match is None else [s.centre, s.match]
         distance = min(float(np.linalg.norm(xy - q)) for q in spots)
+        for curve in (s.curve, s.seen):
+            if curve is not None:
+                distance = min(distance, from_curve(xy, curve))
         inside = any(
             cv2.pointPolygonTest(c.astype(np.float32), (float(xy[0]), float(xy[1])), False) >= 0
             for c in s.contours

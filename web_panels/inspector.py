@@ -17,6 +17,7 @@ from scene_core.filter.world import Feature, World
 from scene_core.models.base import Sensor
 from scene_core.session.published import Published
 from web_panels.inspector_maths import equation, jacobian, state_table
+from web_panels.inspector_more import line_rows, particles_card, row
 from web_panels.marks import matches, verdicts
 from web_panels.panel import Page, Post
 from web_panels.story import Story, interesting, place, story
@@ -111,14 +112,19 @@ def _section(
         return head
     sensor = trace.world.mounts[mount].sensor
     a, match = verdicts(trace, mount).get(label), matches(trace, mount).get(label)
-    rows = _rows(sensor, p, p.row[label], a, match)
+    if p.shape == "segment":
+        rows = line_rows(trace.world, p, p.row[label], a, match)
+    else:
+        rows = _rows(sensor, p, p.row[label], a, match)
     if feature is not None:
         rows += _depth(trace.world if label in trace.world.features else trace.start, feature)
     patches = _patches(trace, mount, feature, match, told)
     return (
         f'{head}<div style="display:flex;gap:12px;align-items:flex-start">'
         f'<table style="flex:1">{rows}</table>{patches}</div>'
-        f"{equation(a, told, sensor)}{jacobian(trace.world, p, p.row[label], feature, sensor)}"
+        f"{equation(a, told, sensor, p.particles is not None)}"
+        f"{'' if feature is None else particles_card(feature)}"
+        f"{jacobian(trace.world, p, p.row[label], feature, sensor)}"
     )
 
 
@@ -135,33 +141,26 @@ def _chip(told: Story) -> str:
     return f'<span class="chip" style="color:{c};border:1px {line} {c}">{escape(told.chip)}</span>'
 
 
-def _row(name: str, what: str, text: str) -> str:
-    return (
-        f'<tr><td><b>{name}</b></td><td class="d" style="text-align:left">&nbsp;{what}</td>'
-        f"<td>{text}</td></tr>"
-    )
-
-
 def _rows(
     sensor: Sensor, p: Predictions, i: int, a: Association | None, match: Match | None
 ) -> str:
     h, S = (p.h[i], p.E[i] + p.R[i]) if a is None else (a.h, a.S)
-    out = _row("h", "predicted", place(sensor, h))
+    out = row("h", "predicted", place(sensor, h))
     if match is not None and match.z is not None:
-        out += _row("z", "matched", place(sensor, match.z))
+        out += row("z", "matched", place(sensor, match.z))
     if a is not None and a.nu is not None:
-        out += _row("&nu;", "innovation z &minus; h", place(sensor, a.nu, plus=True))
+        out += row("&nu;", "innovation z &minus; h", place(sensor, a.nu, plus=True))
     if len(set(sensor.units)) == 1:
         axes = np.sqrt(np.maximum(np.linalg.eigvalsh(S)[::-1], 0.0))
         text = ", ".join(number(v) for v in axes) + f" {escape(sensor.units[0])}"
-        out += _row("S", "1-sigma axes" if len(axes) > 1 else "1 sigma", text)
+        out += row("S", "1-sigma axes" if len(axes) > 1 else "1 sigma", text)
     else:
         sd = np.sqrt(np.diag(S))
         text = ", ".join(
             f"{escape(name)} {quantity(float(v), u)}"
             for name, v, u in zip(sensor.labels, sd, sensor.units, strict=True)
         )
-        out += _row("S", "1 sigma", text)
+        out += row("S", "1 sigma", text)
     return out
 
 
@@ -169,6 +168,8 @@ def _depth(world: World, feature: Feature) -> str:
     """Distance from the place of the first view, for a parametrisation by its inverse."""
     model = feature.model
     out = ""
+    if feature.carrier or model.shape == "segment":
+        return out
     for name in model.unmeasured:
         i = model.state_labels.index(name) if name in model.state_labels else -1
         if i < 0 or model.state_units[i] != "1/m":
@@ -179,7 +180,7 @@ def _depth(world: World, feature: Feature) -> str:
             text = f"{1.0 / rho:.2f} ± {sd / rho**2:.2f} m"
         else:
             text = f"beyond {1.0 / (rho + 2.0 * sd):.2f} m (2 sigma)"
-        out += _row("&rho;", "depth, 1 sigma", text)
+        out += row("&rho;", "depth, 1 sigma", text)
     return out
 
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from scene_core.filter.groups import groups, moments
 from scene_core.filter.records import Association, Predictions
 from scene_core.filter.world import Feature, World
+from scene_core.models import segments
 from scene_core.models.base import Sensor
 from web_panels import mathml as mm
 from web_panels.story import Story
@@ -38,12 +42,24 @@ def _zoom(nu: np.ndarray, S: np.ndarray, d2: str) -> float:
     return min(1.0, CARD_PX / (SYMBOLS_PX + DIGIT_PX * (len(d2) + sum(widest))))
 
 
-def equation(a: Association | None, told: Story, sensor: Sensor) -> str:
-    """d2 = nu' S^-1 nu with its numbers, and the bar against the gate."""
+def equation(a: Association | None, told: Story, sensor: Sensor, opened: bool = False) -> str:
+    """d2 = nu' S^-1 nu with its numbers, and the bar against the gate.
+
+    opened: of particles; d2 is then that of the nearest one, whose numbers nobody kept.
+    """
     if a is None or a.nu is None or a.d2 is None or a.gate is None:
         return ""
+    if opened:
+        note = '<div class="d" style="text-align:center">d2 of the nearest particle</div>'
+        return (
+            f'<div class="card" style="margin-top:8px">{note}{_gate(a, a.d2, a.gate, told)}</div>'
+        )
+    is_line = len(a.h) != len(a.S)
+    if is_line:
+        a = replace(a, nu=1e3 * a.nu, S=1e6 * a.S)
+        assert a.nu is not None and a.d2 is not None and a.gate is not None
     nu, S = mm.symbol("\N{GREEK SMALL LETTER NU}", bold=True), mm.symbol("S", bold=True)
-    angles, d2 = "rad" in sensor.units, f"{a.d2:.1f}"
+    d2 = f"{a.d2:.1f}"
     equation = mm.formula(
         mm.power(mm.symbol("d"), "<mn>2</mn>"),
         mm.op("="),
@@ -56,15 +72,22 @@ def equation(a: Association | None, told: Story, sensor: Sensor) -> str:
         mm.value(d2, HEX[told.state]),
     )
     zoom = _zoom(a.nu, a.S, d2)
-    units = '<div class="d" style="font-size:10px">angles in rad here</div>' if angles else ""
-    words = gate_words(a.d2, a.gate, a.dof, a.confidence)
-    first, _, rest = words.partition(" (")
+    note = "in mrad" if is_line else "angles in rad here" if "rad" in sensor.units else ""
+    units = f'<div class="d" style="font-size:10px">{note}</div>' if note else ""
     return (
         '<div class="card" style="margin-top:8px"><div style="text-align:center;padding:2px 0 4px;'
         f'overflow-x:auto"><span style="zoom:{zoom:.2f}">{equation}</span>{units}</div>'
-        f"{gate_bar(a.d2, a.gate, HEX[told.state])}"
+        f"{_gate(a, a.d2, a.gate, told)}</div>"
+    )
+
+
+def _gate(a: Association, d2: float, gate: float, told: Story) -> str:
+    """The bar against the gate, and the words of it."""
+    first, _, rest = gate_words(d2, gate, a.dof, a.confidence).partition(" (")
+    return (
+        f"{gate_bar(d2, gate, HEX[told.state])}"
         f'<div style="text-align:center;margin-top:3px"><b>{first}</b> '
-        f'<span class="d">({rest}</span></div></div>'
+        f'<span class="d">({rest}</span></div>'
     )
 
 
@@ -95,6 +118,8 @@ def gate_bar(d2: float, gate: float, colour: str) -> str:
 
 def _columns(world: World, role: str, feature: Feature | None, sensor: Sensor) -> tuple[str, ...]:
     """Names of the columns of one block of H."""
+    if role == "feature" and feature is not None and feature.carrier:
+        role = feature.block
     if role == "feature":
         return feature.model.state_labels if feature is not None else ()
     for robot in world.robots.values():
@@ -119,9 +144,10 @@ def jacobian(world: World, p: Predictions, i: int, feature: Feature | None, sens
         if len(names) != H.shape[1]:
             names = tuple(str(k + 1) for k in range(H.shape[1]))
         used = np.flatnonzero(np.abs(H).max(0) > 0.0)
-        title = f"feature:{feature.label}" if role == "feature" and feature else role
+        title = feature.block if role == "feature" and feature else role
         zero = [names[k] for k in range(H.shape[1]) if k not in used]
-        out += _block_table(title, sensor, H[:, used], [names[k] for k in used], zero)
+        measured = segments.LABELS if p.shape == "segment" else sensor.labels
+        out += _block_table(title, measured, H[:, used], [names[k] for k in used], zero)
     return (
         '<div class="row" style="margin-top:10px"><span class="h">Blocks of H</span>'
         f'<span class="d">dh by dx, SI units</span></div>{out}'
@@ -129,7 +155,7 @@ def jacobian(world: World, p: Predictions, i: int, feature: Feature | None, sens
 
 
 def _block_table(
-    title: str, sensor: Sensor, H: np.ndarray, names: list[str], zero: list[str]
+    title: str, measured: tuple[str, ...], H: np.ndarray, names: list[str], zero: list[str]
 ) -> str:
     spec = _spec(H)
     head = "".join(f"<th>{escape(n)}</th>" for n in names)
@@ -137,7 +163,7 @@ def _block_table(
         f'<tr><td class="d">{escape(label)}</td>'
         + "".join(f"<td>{mm.signed(format(v, spec))}</td>" for v in row)
         + "</tr>"
-        for label, row in zip(sensor.labels, H, strict=True)
+        for label, row in zip(measured, H, strict=True)
     )
     rest = f'<span class="d">zero: {escape(" ".join(zero))}</span>' if zero else ""
     return (
@@ -150,8 +176,8 @@ def _block_table(
 def state_table(world: World, label: int) -> str:
     """The feature's own state with its standard deviations."""
     f = world.features[label]
-    y = world.gauss.mean(f.block)
-    sd = np.sqrt(np.maximum(np.diag(world.gauss.cov(f.block)), 0.0))
+    means, covariances = moments(groups(world, [label])[0], world.gauss.x, world.gauss.P)
+    y, sd = means[0], np.sqrt(np.maximum(np.diag(covariances[0]), 0.0))
     cells = ""
     for name, v, s, unit in zip(f.model.state_labels, y, sd, f.model.state_units, strict=True):
         value, u = shown(float(v), unit)

@@ -155,7 +155,7 @@ class Particles:
     """What is not known yet of partial features: grains, the larger the more probable."""
 
     def __init__(self, server: viser.ViserServer, choose: Choose, size: float) -> None:
-        self.radius = 0.011 * size
+        self.radius = 0.006 * size
         self.grains = Instances(server, choose, "/map/particles", GRAIN, opacity=0.9)
 
     def render(self, cloud: Cloud, rgb: np.ndarray, visible: bool) -> None:

@@ -58,6 +58,16 @@ class Painter:
         thick = max(1, round(width * self.u))
         cv2.line(self.canvas, start, end, colour, thick, cv2.LINE_AA, SHIFT)
 
+    def curve(self, points: Vec, colour: RGB, width: float) -> None:
+        """A smooth open line through points (K, 2)."""
+        if len(points) < 2:
+            return
+        along = np.gradient(points, axis=0)
+        length = np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)
+        normal = np.stack([along[:, 1], -along[:, 0]], axis=-1)
+        normal *= (0.5 * width * self.u / length)[:, None]
+        self.fill([np.concatenate([points + normal, (points - normal)[::-1]])], colour)
+
     def cross(self, at: Vec, colour: RGB, size: float, width: float) -> None:
         """An upright cross."""
         (x, y), a = at.tolist(), size * self.u
@@ -91,11 +101,11 @@ class Painter:
         return w, h
 
 
-def dots(canvas: np.ndarray, at: Vec, radius: float) -> None:
-    """Raw measurements: filled discs at (k, 2)."""
+def dots(canvas: np.ndarray, at: Vec, radius: float, colour: RGB = C["ink"]) -> None:
+    """Raw measurements or particles: filled discs at (k, 2)."""
     r = round(radius * (1 << SHIFT))
     for x, y in np.round(at * (1 << SHIFT)).astype(int).tolist():
-        cv2.circle(canvas, (x, y), r, C["ink"], -1, cv2.LINE_AA, SHIFT)
+        cv2.circle(canvas, (x, y), r, colour, -1, cv2.LINE_AA, SHIFT)
 
 
 def _sides(contours: Vec, width: float) -> tuple[Vec, Vec]:

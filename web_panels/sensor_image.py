@@ -39,6 +39,9 @@ class ImageChart:
         if pixels is None:
             canvas = np.full((self.size[1], self.size[0], 3), C["card"], np.uint8)
             self._points(canvas, raw_points(scene.raw))
+            painter = Painter(canvas)
+            for curve in scene.raw_lines:
+                painter.curve(self.place(curve), C["ink"], 1.2)
             return canvas
         grey = cv2.resize(cv2.LUT(pixels, DARKEN), self.size, interpolation=cv2.INTER_LINEAR)
         return cv2.cvtColor(grey, cv2.COLOR_GRAY2RGB)

@@ -64,6 +64,22 @@ def place(sensor: Sensor, z: Vec, plus: bool = False) -> str:
     )
 
 
+def segment_place(sensor: Sensor, ends: Vec) -> str:
+    """Both ends of a segment with their units."""
+    n = len(sensor.units)
+    return f"{place(sensor, ends[:n])} to {place(sensor, ends[n:])}"
+
+
+def where(sensor: Sensor, z: Vec) -> str:
+    """A point or a segment, as it was measured."""
+    return (segment_place if len(z) == 2 * len(sensor.units) else place)(sensor, z)
+
+
+def expected(sensor: Sensor, p: Predictions, i: int) -> str:
+    """Where a feature is predicted; of a line, where its ends are expected."""
+    return place(sensor, p.h[i]) if p.ends is None else segment_place(sensor, p.ends[i])
+
+
 def story(trace: Trace, mount: str, label: int) -> Story:
     """The words for a feature and a mount."""
     own = [e for e in trace.events if e.label == label]
@@ -97,7 +113,7 @@ def _born(trace: Trace, label: int) -> Story:
         "partial",
         "new",
         f"Started in this frame as {escape(f.model.name)} where {escape(f.mount)} saw it, at "
-        f"{place(sensor, f.z0)}. It is predicted and measured from the next frame on: press "
+        f"{where(sensor, f.z0)}. It is predicted and measured from the next frame on: press "
         "<kbd>N</kbd>.",
     )
 
@@ -121,7 +137,10 @@ def _measured(trace: Trace, mount: str, label: int) -> Story:
     fault = int(p.fault[i])
     if fault:
         return _not_measurable(fault, who)
-    at = f"Predicted at {place(sensor, p.h[i])}"
+    line, opened = p.shape == "segment", p.particles is not None
+    at = f"Predicted {'from' if line else 'at'} {expected(sensor, p, i)}"
+    if opened:
+        at += " on average over its particles"
     judged, match = verdicts(trace, mount).get(label), matches(trace, mount).get(label)
     if not p.selected[i]:
         return _not_selected(trace, seen, label, at)
@@ -207,6 +226,8 @@ def _judged(sensor: Sensor, a: Association, match: Match | None, at: str, trace:
         return Story(state, a.verdict, f"{at}. {escape(a.why)}.")
     gate = gate_words(a.d2, a.gate, a.dof, a.confidence)
     sigmas = f"{a.d2**0.5:.1f} sigma from its prediction"
+    if len(a.h) != len(a.S):
+        sigmas = f"{a.d2**0.5:.1f} sigma off the line, its ends being free to slide along it"
     if a.verdict == "accepted":
         return Story(
             state,
