@@ -12,11 +12,12 @@ import numpy as np
 from scene_core.arrays import Mat, Vec
 from scene_core.filter.ports import Frame
 from scene_core.filter.records import Trace
-from scene_core.filter.world import Label, World
+from scene_core.filter.world import Axes, Label, World
 from scene_core.geometry import quaternion
 from scene_core.geometry.correlation import largest_canonical_correlations
 from scene_core.geometry.spaces import ONE_D, THREE_D, TWO_D, Space, embed, embed_points
 from scene_core.models.base import Sensor
+from scene_core.session.axes import points_from, truth_axes
 from scene_core.session.published import Published
 from scene_core.sources.simulated import Simulation
 from scene_core.sources.worlds import SimulatedWorld, in_axes
@@ -125,8 +126,7 @@ def true_position(p: Published, robot: str, hook: str = "base", up: str = "z") -
         xp = np.asarray(truth.xp[robot])
     if xp is None:
         return None
-    at = aligned(POSES[len(xp)].position(xp), p)
-    return embed_points(at, POSES[len(xp)], up)
+    return in_map(POSES[len(xp)].position(xp), p, POSES[len(xp)], up)
 
 
 def _true_hook(p: Published, frame: Frame, robot: str, hook: str) -> Vec | None:
@@ -139,10 +139,39 @@ def _true_hook(p: Published, frame: Frame, robot: str, hook: str) -> Vec | None:
     return None if xv is None or hook not in motion.hooks else motion.xp(xv, hook).xp
 
 
-def aligned(points: Vec, p: Published) -> Vec:
-    """True points (..., d) in the estimate's axes, moved as the true trajectory is."""
+def in_map(points: Vec, p: Published, space: Space, up: str) -> Vec:
+    """True points (..., d) in the axes of the map (..., 3), moved as the true trajectory is:
+    aligned with the estimate where it has to be, seen from where the axes truly are."""
     fit = next((r.alignment for r in p.series.robots.values() if r.alignment is not None), None)
-    return points if fit is None else fit.points(points)
+    at = points if fit is None else fit.points(points)
+    return points_from(truth_axes(axes_of(p), fit is not None), embed_points(at, space, up))
+
+
+def axes_of(p: Published) -> Axes | None:
+    """The axes the map is told in; None: those the run began in."""
+    return None if p.trace is None else p.trace.world.axes
+
+
+def place_of_world(p: Published) -> Vec:
+    """Pose (7,) in the axes of the map of those a simulated world is told in."""
+    pose = truth_axes(axes_of(p), aligned=False)
+    if pose is None or not np.isfinite(pose).all():
+        return THREE_D.identity()
+    return THREE_D.inverse(pose).x
+
+
+def axes_key(p: Published) -> bytes:
+    """Equal in equal axes."""
+    axes = axes_of(p)
+    if axes is None:
+        return b""
+    return axes.pose.tobytes() + (b"" if axes.true_pose is None else axes.true_pose.tobytes())
+
+
+def view_name(p: Published) -> str:
+    """What a place to look from belongs to: a scenario, in certain axes."""
+    axes, name = axes_of(p), p.experiment.name
+    return name if axes is None else f"{name} from {axes.robot} in frame {axes.frame}"
 
 
 def view_angle(sensor: Sensor, k: Vec) -> tuple[float, float]:
@@ -188,6 +217,9 @@ def start_bounds(p: Published, world: World) -> Bounds:
     parts = [robot_pose(world, r)[None, :3] for r in world.robots]
     least = 2.0
     outline = outline_of(p.experiment.source, world.up).reshape(-1, 3)
+    if len(outline):
+        there = np.concatenate([outline, np.ones((len(outline), 1))], axis=1)
+        outline = THREE_D.to_world(place_of_world(p), there).X[:, :3]
     points = true_points(p, world.up)
     if len(outline) == 0 and len(points) == 0 and world.features:
         parts.append(Clouds().of(world, 0.5, 0.0).positions)
@@ -201,7 +233,7 @@ def true_points(p: Published, up: str) -> Vec:
     if truth is None or len(truth.points) == 0:
         return np.zeros((0, 3))
     points = np.asarray(truth.points)
-    return embed_points(aligned(points, p), SPACES[points.shape[1]], up)
+    return in_map(points, p, SPACES[points.shape[1]], up)
 
 
 def true_segments(p: Published, up: str) -> Vec:
@@ -210,9 +242,7 @@ def true_segments(p: Published, up: str) -> Vec:
     if truth is None or len(truth.segments) == 0:
         return np.zeros((0, 2, 3))
     ends = np.asarray(truth.segments)
-    d = ends.shape[-1]
-    at = aligned(ends.reshape(-1, d), p)
-    return embed_points(at, SPACES[d], up).reshape(-1, 2, 3)
+    return in_map(ends, p, SPACES[ends.shape[-1]], up)
 
 
 def ground_mesh(source: Any) -> tuple[Vec, np.ndarray] | None:

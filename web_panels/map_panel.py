@@ -59,7 +59,8 @@ class MapPanel:
         self.robots = Robots(scene, world, size)
         self.selected = Selected(scene)
         self.cameras.distance = 2.25 if self.simulated else 3.0
-        self.cameras.place(p.experiment.name, bounds, world.up)
+        self.axes = geo.axes_key(p)
+        self.cameras.place(geo.view_name(p), bounds, world.up)
         self.images_due = self.slow_due = self.correlation_due = 0.0
         self.chosen: int | None = None
         self.correlation: tuple[object, ...] = ()
@@ -67,7 +68,8 @@ class MapPanel:
 
     def _fit(self, p: Published) -> World:
         """The world to draw, in a map made for it. A recording tells where its landmarks are only
-        with its first frame: the map is then made again if it has to be larger."""
+        with its first frame: the map is then made again if it has to be larger. In other axes
+        everything is somewhere else."""
         fresh = p.run != self.run
         if fresh:
             self.start = initial_world(p.experiment)
@@ -79,6 +81,8 @@ class MapPanel:
             bounds = geo.start_bounds(p, world)
             if bounds.radius > 1.05 * self.bounds.radius:
                 self._restart(p, world, bounds)
+        if geo.axes_key(p) != self.axes:
+            self._restart(p, world, geo.start_bounds(p, world))
         return world
 
     @property

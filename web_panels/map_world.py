@@ -53,7 +53,10 @@ class Ground:
             cell_color=(30, 37, 47),
             section_color=(48, 58, 72),
         )
-        self.room = scene.add_frame("/map/room", show_axes=False)
+        place = geo.place_of_world(p)
+        self.room = scene.add_frame(
+            "/map/room", show_axes=False, position=place[:3], wxyz=place[3:]
+        )
         self._add_outline(scene, p, world)
         ground = geo.ground_mesh(p.experiment.source)
         if ground is not None:

@@ -13,6 +13,7 @@ from web_panels import style
 from web_panels.map_legend import confidence_words
 from web_panels.panel import Look, Page, Post, View
 from web_panels.widgets import Bound, Group, on_press
+from web_panels.zero_axes import ZeroAxesHere
 
 VIEWS: tuple[tuple[str, View, str], ...] = (
     ("Perspective", "perspective", "The whole scene from above one corner."),
@@ -63,6 +64,7 @@ class ViewPanel:
         for title, view, help_text in VIEWS:
             button = gui.add_button(title, color="gray", hint=help_text)
             on_press(button, lambda client, v=view: self._ask(client, v))
+        self.zero_axes = ZeroAxesHere(gui, self.group, post)
         self.layers = {
             field: Bound(
                 gui.add_checkbox(title, getattr(self.page.look, field), hint=help_text),
@@ -83,6 +85,7 @@ class ViewPanel:
         return lambda value: self.page.change(**{field: value})
 
     def render(self, p: Published) -> None:
+        self.zero_axes.render(p)
         look = self.page.look
         d = p.experiment.estimator.policies.landmark.space.d
         if (look, d) == self.drawn:
