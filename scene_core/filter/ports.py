@@ -61,6 +61,8 @@ class Truth:
     segments: Vec = field(default_factory=lambda: np.zeros((0, 2, 3)))
     """Ends (M, 2, d) of the true line landmarks."""
     segment_ids: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
+    goals: Mapping[str, Vec] = field(default_factory=dict)
+    """Where robots are heading (d,), by robot; those without a goal are left out."""
 
 
 @dataclass(frozen=True)

@@ -50,6 +50,10 @@ class Driver(ABC):
         overridden. The robot's own start is applied on top."""
         return {}
 
+    def goal(self, memory: Any) -> Vec | None:
+        """The position it is heading for, as it remembers; None, unless overridden."""
+        return None
+
     @abstractmethod
     def drive(
         self, motion: MotionModel, xv: Vec, memory: Any, index: int, dt: float, seed: int
@@ -95,18 +99,27 @@ class Waypoints(Driver):
                     f"{d} number{'s' * (d > 1)}, ({', '.join(motion.space.labels[:d])}) in m"
                 )
 
+    def goal(self, memory: Any) -> Vec | None:
+        if not self.points:
+            return None
+        return np.array(self.points[self._next(memory) % len(self.points)], dtype=float)
+
     def drive(
         self, motion: MotionModel, xv: Vec, memory: Any, index: int, dt: float, seed: int
     ) -> Drive:
         self.check(motion)
-        # Another driver may have been at the wheel.
-        goal = memory if isinstance(memory, int) else 0
+        goal = self._next(memory)
         for ahead in range(len(self.points)):
             at = (goal + ahead) % len(self.points)
             u = motion.navigate(xv, np.array(self.points[at], dtype=float), dt)
             if u is not None:
                 return Drive(u, at)
         return Drive(np.zeros(len(motion.control_labels)), goal)
+
+    @staticmethod
+    def _next(memory: Any) -> int:
+        """Another driver may have been at the wheel."""
+        return memory if isinstance(memory, int) else 0
 
 
 @dataclass(frozen=True)

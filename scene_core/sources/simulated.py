@@ -99,7 +99,7 @@ class Simulation:
             controls=controls,
             raw=raw,
             internal={i: self._felt(i, state, index) for i in self.instruments},
-            truth=told(self.world, self.up, self.robots, self.mounts, state.xv),
+            truth=told(self.world, self.up, self.robots, self.mounts, state.xv, state.memory),
         )
         return frame, state
 

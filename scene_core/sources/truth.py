@@ -151,8 +151,10 @@ def told(
     robots: Mapping[str, TrueRobot],
     mounts: Mapping[str, TrueMount],
     xv: Mapping[str, Vec],
+    memory: Mapping[str, Any],
 ) -> Truth:
-    """What is really so when the robots are at xv, for display and metrics."""
+    """What is really so when the robots are at xv and their drivers remember what they do, for
+    display and metrics."""
     labels = {}
     for i, robot in robots.items():
         motion = robot.motion
@@ -166,6 +168,7 @@ def told(
     line_ids, ends = lines(world)
     if world.space.d == 3:
         at, ends = in_axes(world, at, up), in_axes(world, ends, up)
+    goals = {i: robot.driver.goal(memory[i]) for i, robot in robots.items()}
     return Truth(
         xp={i: frozen(robot.motion.xp(xv[i]).xp) for i, robot in robots.items()},
         labels=labels,
@@ -173,6 +176,7 @@ def told(
         ids=ids,
         segments=frozen(ends),
         segment_ids=line_ids,
+        goals={i: frozen(goal) for i, goal in goals.items() if goal is not None},
     )
 
 

@@ -130,3 +130,15 @@ def test_a_hand_is_pure_and_needs_velocities() -> None:
     np.testing.assert_array_equal(a, b)
     with pytest.raises(SourceError, match="'vx'"):
         hand.drive(Odometry3D(), np.eye(7)[3], None, 1, DT, 0)
+
+
+def test_truth_tells_where_a_robot_is_heading() -> None:
+    driver = Waypoints(((1.0, 0.0), (1.0, 1.0)))
+    simulation = Simulation(Field(), {"r": TrueRobot(PlanarNomad(), driver)}, {}, seed=1)
+    state, goals = simulation.start(), []
+    for k in range(80):
+        frame, state = simulation.advance(state, k)
+        assert frame.truth is not None
+        goals.append(tuple(frame.truth.goals["r"].tolist()))
+    assert goals[0] == (1.0, 0.0) and set(goals) == set(driver.points)
+    assert Waypoints().goal(0) is None and ConstantControls().goal(None) is None
