@@ -3,6 +3,8 @@ how one got there."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from scene_core.filter.ports import Points
 from scene_core.geometry.ellipses import chi2_band
 from scene_core.geometry.spaces import ONE_D, THREE_D, TWO_D, relative
 from scene_core.params import ParamError
+from scene_core.session.alignment import umeyama
 from scene_core.session.commands import InitialiseAt, Seek, SwapModel, Transport, ZeroAxes
 from scene_core.session.edits import with_seed
 from scene_core.session.landmarks import landmark_errors
@@ -209,3 +212,29 @@ def test_a_model_that_needs_what_was_lost_can_not_come_back() -> None:
     session.advance()
     with pytest.raises(ParamError, match="relies on gravity, and the up axis would tilt"):
         zero(session)
+
+
+def test_an_aligned_run_stays_aligned() -> None:
+    """Where the axes are says nothing about how far apart estimate and reference are."""
+    aligned = replace(build("cloister"), align="se3")
+    plain, session = Session(aligned), Session(aligned)
+    for _ in range(30):
+        plain.advance()
+        session.advance()
+        if session.frame == 14:
+            zero(session)
+    track, was = session.metrics.robots["robot"], plain.metrics.robots["robot"]
+    xp, true_xp = track.xp.view(30), track.true_xp.view(30)
+    assert np.array_equal(true_xp, was.true_xp.view(30))
+    assert np.allclose(xp[:15], was.xp.view(15), atol=1e-12)
+    # Later the frame the axes were put into is no longer corrected, by as much as it was wrong.
+    assert np.linalg.norm(xp[:, :3] - was.xp.view(30)[:, :3], axis=1).max() < 0.05
+    fit = umeyama(THREE_D, true_xp, xp, "se3")
+    assert fit is not None
+    apart = np.linalg.norm(fit.points(true_xp[:, :3]) - xp[:, :3], axis=1)
+    series = session.metrics.series().robots["robot"]
+    assert series.true_position is not None
+    drawn = np.linalg.norm(series.true_position - series.position, axis=1)
+    assert drawn == pytest.approx(apart, abs=1e-9)
+    assert np.abs(series.position[14]).max() < 1e-9
+    assert report(session, 1.0)["pos_rmse_m"] == pytest.approx(np.sqrt(np.mean(apart**2)), rel=1e-6)
