@@ -66,6 +66,18 @@ class KnownFeature:
 
 
 @dataclass(frozen=True)
+class MarkerSettings:
+    """Something on a robot that the sensors of other robots recognise: seen, it says where that
+    robot is."""
+
+    robot: str
+    position: tuple[float, ...] = param(unit="m")
+    """Place in the axes of the robot: z; z, x; or x, y, z."""
+    identity: int = param(lo=0, hi=2**31 - 1, effect="on reset")
+    """What tells it from landmarks and other markers."""
+
+
+@dataclass(frozen=True)
 class EstimatorSettings:
     """Everything the filter believes and chooses."""
 
@@ -74,6 +86,7 @@ class EstimatorSettings:
     policies: Policies
     instruments: Mapping[str, InstrumentSettings] = field(default_factory=dict)
     known: tuple[KnownFeature, ...] = ()
+    markers: Mapping[str, MarkerSettings] = field(default_factory=dict)
     up: Literal["y", "z"] = "z"
     """Which axis of the world points up."""
 

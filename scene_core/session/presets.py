@@ -15,6 +15,7 @@ from scene_core.session import (
     presets_calibration,
     presets_hand,
     presets_lines,
+    presets_particles,
     presets_platforms,
     presets_recordings,
     presets_scene,
@@ -47,6 +48,7 @@ class Preset:
 SIMULATED = (
     ("Scene's ladder", (presets_hand, presets_scene)),
     ("The toolbox's robots", (presets_toolbox, presets_lines)),
+    ("Particles and markers", (presets_particles,)),
     ("Self-calibration", (presets_calibration,)),
     ("Other platforms", (presets_platforms,)),
 )

@@ -24,6 +24,7 @@ from scene_core.session.config import (
     MountSettings,
     RobotSettings,
 )
+from scene_core.session.markers import with_markers
 from scene_core.sources.vision import load_patch
 from scene_core.sources.worlds import SimulatedWorld
 
@@ -90,7 +91,7 @@ def initial_world(experiment: Experiment) -> World:
         up=settings.up,
         next_label=len(given) + 1,
     )
-    return _with_known(world, experiment, given)
+    return with_markers(_with_known(world, experiment, given), settings)
 
 
 def start_state(at: str, robot: RobotSettings) -> tuple[Vec, Mat]:

@@ -26,6 +26,7 @@ from scene_core.models.base import (
 from scene_core.params import ParamError
 from scene_core.session.config import EstimatorSettings
 from scene_core.session.estimated import with_estimated
+from scene_core.session.markers import moved_markers
 from scene_core.session.start import resting
 
 WORDS: Mapping[str, str] = {"vx vy vz": "velocity", "wx wy wz": "turn rate", "phi": "heading"}
@@ -57,6 +58,7 @@ def reconfigure(world: World, old: EstimatorSettings, new: EstimatorSettings) ->
             notes += said
     world, said = with_estimated(world, old, new)
     notes += said
+    world = moved_markers(world, old, new)
     if new.policies is not old.policies:
         world, said = with_policies(world, new)
         notes += said

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -26,15 +27,18 @@ class Outlook:
     """True calibration."""
     pose: Vec
     """True pose x_WS, in the sensor's space."""
+    markers: Mapping[int, Vec] = field(default_factory=dict)
+    """Places (d,) in the world, in the sensor's space, of markers on other robots by identity."""
 
     @cached_property
     def ids(self) -> np.ndarray:
-        """Identities (K,)."""
-        return landmarks(self.world)[0]
+        """Identities (K,): of the landmarks, then of the markers."""
+        ids = landmarks(self.world)[0]
+        return np.concatenate([ids, np.array(list(self.markers), dtype=int)])
 
     @cached_property
     def X_W(self) -> Vec:
-        """All landmarks as homogeneous points (K, d+1) of the world."""
+        """All landmarks and markers as homogeneous points (K, d+1) of the world."""
         space, own, at = self.sensor.space, self.world.space, landmarks(self.world)[1]
         if own is not space and space.d < 3:
             raise SourceError(
@@ -43,6 +47,7 @@ class Outlook:
             )
         if space.d == 3:
             at = in_axes(self.world, at, self.up)
+        at = np.concatenate([at, *(place[None] for place in self.markers.values())])
         return np.concatenate([at, np.ones((len(at), 1))], axis=1)
 
     @cached_property

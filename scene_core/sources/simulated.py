@@ -30,7 +30,7 @@ from scene_core.filter.ports import (
 from scene_core.geometry.spaces import embed
 from scene_core.models.base import Sensor
 from scene_core.params import param
-from scene_core.sources import noise, pictures, points, segments
+from scene_core.sources import markers, noise, pictures, points, segments
 from scene_core.sources.identified import Outlook
 from scene_core.sources.render import Rendering
 from scene_core.sources.room import Surface, TexturedRoom
@@ -40,6 +40,7 @@ from scene_core.sources.truth import (
     Disturbances,
     SimulationState,
     TrueInstrument,
+    TrueMarker,
     TrueMount,
     TrueRobot,
     told,
@@ -55,6 +56,7 @@ class Simulation:
     robots: Mapping[str, TrueRobot]
     mounts: Mapping[str, TrueMount]
     instruments: Mapping[str, TrueInstrument] = field(default_factory=dict)
+    markers: Mapping[str, TrueMarker] = field(default_factory=dict)
     disturbances: Disturbances = field(default_factory=Disturbances)
     """For points and segments with identities."""
     rendering: Rendering | None = None
@@ -182,8 +184,12 @@ class Simulation:
         return space.compose(xp, np.array(m.pose, dtype=float)).x
 
     def outlook(self, mount: str, xv: Mapping[str, Vec]) -> Outlook:
-        """The landmarks as a sensor truly sees them when the robots are at xv."""
-        return Outlook(self.world, self.up, *self._camera(mount, xv))
+        """The landmarks, and the markers on other robots, as a sensor truly sees them when the
+        robots are at xv."""
+        sensor, calib, pose = self._camera(mount, xv)
+        seen_by = self.mounts[mount].robot
+        at = markers.places(self.markers, self.robots, xv, seen_by, sensor.space, self.up)
+        return Outlook(self.world, self.up, sensor, calib, pose, at)
 
     def line_outlook(self, mount: str, xv: Mapping[str, Vec]) -> LineOutlook:
         """The line landmarks as a camera truly sees them when the robots are at xv."""
@@ -232,6 +238,8 @@ class Simulation:
         landmarks(self.world)
         for robot in self.robots.values():
             robot.driver.check(robot.motion)
+        known = (*landmarks(self.world)[0], *lines(self.world).ids)
+        markers.check(self.markers, self.robots, known)
         for i, mount in self.mounts.items():
             if mount.robot not in self.robots:
                 raise SourceError(f"source.mounts.{i}: there is no true robot '{mount.robot}'")
@@ -242,6 +250,10 @@ class Simulation:
                 )
         if self.rendering is not None:
             self._room()
+        if self.rendering is not None and self.markers:
+            raise SourceError(
+                "source.markers: rendered pictures show no markers; leave out either of them"
+            )
 
     def _room(self) -> TexturedRoom:
         if not isinstance(self.world, TexturedRoom):

@@ -100,6 +100,17 @@ class TrueInstrument:
 
 
 @dataclass(frozen=True)
+class TrueMarker:
+    """Where a marker really is on its robot; every sensor of the others sees it."""
+
+    robot: str
+    position: tuple[float, ...] = param(unit="m")
+    """Place in the axes of the robot, in as many dimensions as the sensors that see it."""
+    identity: int = param(lo=0, hi=2**31 - 1, effect="on reset")
+    """What tells it from landmarks and other markers."""
+
+
+@dataclass(frozen=True)
 class Disturbances:
     """What goes wrong with measurements of identified points and segments."""
 
