@@ -152,13 +152,50 @@ def orthogonal(L: Vec) -> Scaled:
     return Scaled(value, J)
 
 
-def ruler(L: Vec) -> Vec:
-    """The points (..., 8) 0 m and 1 m from the one nearest to the origin, (u x n, |v|) with
-    u = v / |v|; a line at infinity has neither."""
+def ends(L: Vec, t: Vec) -> Vec:
+    """The points (..., 8) in the directions t (..., 2) [rad] from the origin:
+
+    X(t) = (cos t u x n + sin t |n| u, cos t |v|),  u = v / |v|,
+
+    t = 0 the one nearest to the origin, t = +-pi/2 at infinity. A line at infinity has no nearest
+    one.
+    """
+    nearest, aside = _directions(L)
+    out = np.empty((*L.shape[:-1], 8))
+    for i in range(2):
+        c, s = np.cos(t[..., i, None]), np.sin(t[..., i, None])
+        out[..., 4 * i : 4 * i + 3] = c * nearest + s * aside
+        out[..., 4 * i + 3] = c[..., 0] * np.linalg.norm(L[..., 3:], axis=-1)
+    return out
+
+
+def metres(L: Vec) -> Vec:
+    """The points (..., 8) 0 m and 1 m from the one nearest to the origin, (u x n, |v|) and
+    (u x n + v, |v|) with u = v / |v|; a line at infinity has neither."""
+    nearest, _ = _directions(L)
+    w = np.linalg.norm(L[..., 3:], axis=-1, keepdims=True)
+    return np.concatenate([nearest, w, nearest + L[..., 3:], w], axis=-1)
+
+
+def angles(L: Vec, origin: Vec, rays: Vec) -> Vec:
+    """The directions t (...,) of `ends` in which the line is nearest in direction to rays
+    (..., 3) from `origin` (3,)."""
+    nearest, aside = _directions(L)
+    near = nearest - np.linalg.norm(L[..., 3:], axis=-1)[..., None] * origin
+    normal = L[..., :3] - np.cross(origin, L[..., 3:])
+    across = np.cross(rays, normal)
+    c, s = np.vecdot(across, aside), -np.vecdot(across, near)
+    ahead = np.vecdot(c[..., None] * near + s[..., None] * aside, rays)
+    sign = np.where(ahead < 0.0, -1.0, 1.0)
+    return np.arctan2(sign * s, sign * c)
+
+
+def _directions(L: Vec) -> tuple[Vec, Vec]:
+    """u x n and |n| u (..., 3)."""
     n, v = L[..., :3], L[..., 3:]
-    length = np.linalg.norm(v, axis=-1)[..., None]
-    foot = np.cross(v / np.maximum(length, 1e-300), n)
-    return np.concatenate([foot, length, foot + v, length], axis=-1)
+    u = v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-300)
+    nearest = np.asarray(np.cross(u, n), dtype=np.float64)
+    return nearest, np.linalg.norm(n, axis=-1, keepdims=True) * u
 
 
 def cross_matrix(v: Vec) -> Mat:

@@ -21,13 +21,14 @@ from scene_core.models.base import (
     Redefined,
     completed,
 )
-from scene_core.models.straight_line import StraightLine
+from scene_core.models.straight_line import StraightLine, cut, evenly
 
 
 @dataclass(frozen=True)
 class PointPair(StraightLine):
     """X = (X1, X2), the primitives of two points with `shared` leading components in common."""
 
+    shown = (0.0, 1.0)
     shared: ClassVar[int]
     """3 for a common anchor."""
 
@@ -86,6 +87,9 @@ class PointPair(StraightLine):
             )
         return Normalised(value, J)
 
-    def ruler(self, y: Vec) -> Vec:
-        """The two points themselves."""
-        return self.primitive(y).X
+    def ends(self, y: Vec, t: Vec) -> Vec:
+        """X(t) = X1 + t (X2 - X1)."""
+        return evenly(self.primitive(y).X, t)
+
+    def along(self, y: Vec, origin: Vec, rays: Vec) -> Vec:
+        return cut(self.primitive(y).X, origin, rays)

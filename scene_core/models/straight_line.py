@@ -1,14 +1,14 @@
 """Straight lines as landmarks: what all of them have in common.
 
-A line has a ruler: the homogeneous points X(0) and X(1), which say where t = 0 and t = 1 are;
-X(t) = X(0) + t (X(1) - X(0)) are the others. How far the segment that was seen reaches along its
-line is told by two such t, outside the filter.
+How far the segment that was seen reaches along its line is told outside the filter, by two places
+t: what t counts is the parametrisation's to say.
 """
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -30,6 +30,8 @@ class StraightLine(FeatureModel):
     space = THREE_D
     shape = "segment"
     unmeasured = ("rho",)
+    shown: ClassVar[tuple[float, float]]
+    """The part of the line that is drawn when nobody knows how far the segment reaches."""
 
     rho_mean: float = param(
         0.1, unit="1/m", lo=1e-6, hi=100.0, soft=(0.001, 2.0), effect="next feature", label="Prior"
@@ -52,28 +54,17 @@ class StraightLine(FeatureModel):
         return np.full(2, self.rho_mean), self.rho_sd**2 * np.eye(2)
 
     @abstractmethod
-    def ruler(self, y: Vec) -> Vec:
-        """X(0) and X(1) (..., 8)."""
+    def ends(self, y: Vec, t: Vec) -> Vec: ...
 
-    def ends(self, y: Vec, t: Vec) -> Vec:
-        X = self.ruler(y)
-        zero, step = X[..., :4], X[..., 4:] - X[..., :4]
-        return np.concatenate([zero + t[..., :1] * step, zero + t[..., 1:] * step], axis=-1)
-
+    @abstractmethod
     def along(self, y: Vec, origin: Vec, rays: Vec) -> Vec:
-        """Where the plane through a ray and at right angles to the plane of `origin` and line cuts
-        the line: the place in the direction nearest to the ray's."""
-        X = self.ruler(y)
-        zero = X[..., :3] - X[..., 3:4] * origin
-        step = X[..., 4:7] - X[..., 7:8] * origin - zero
-        across = np.cross(rays, np.cross(zero, step)[..., None, :])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return -np.vecdot(across, zero[..., None, :]) / np.vecdot(across, step[..., None, :])
+        """The places in the directions nearest to those of the rays."""
 
     def graphics(self, y: Vec, Pyy: Mat) -> Glyphs:
-        """The ends t = 0 and 1, and the middle with its first-order ellipsoid."""
-        ends, _ = self.drawn(y, Pyy, np.broadcast_to((0.0, 1.0), (*y.shape[:-1], 2)))
-        middle, cov = self.drawn(y, Pyy, np.full((*y.shape[:-1], 2), 0.5))
+        """Both ends of `shown`, and its middle with its first-order ellipsoid."""
+        ends, _ = self.drawn(y, Pyy, np.broadcast_to(self.shown, (*y.shape[:-1], 2)))
+        halfway = np.full((*y.shape[:-1], 2), sum(self.shown) / 2.0)
+        middle, cov = self.drawn(y, Pyy, halfway)
         return Glyphs(middle[..., 0, :], cov[..., 0, :, :], ends)
 
     def drawn(self, y: Vec, Pyy: Mat, t: Vec) -> tuple[Vec, Mat]:
@@ -88,3 +79,19 @@ class StraightLine(FeatureModel):
         P = J @ Pyy @ np.swapaxes(J, -1, -2)
         P = np.stack([P[..., :3, :3], P[..., 3:, 3:]], axis=-3)
         return places(y).reshape(*y.shape[:-1], 2, 3), 0.5 * (P + np.swapaxes(P, -1, -2))
+
+
+def evenly(X: Vec, t: Vec) -> Vec:
+    """X(t) = X0 + t (X1 - X0) (..., 8) at t (..., 2), for the points X = (X0, X1) (..., 8)."""
+    zero, step = X[..., :4], X[..., 4:] - X[..., :4]
+    return np.concatenate([zero + t[..., :1] * step, zero + t[..., 1:] * step], axis=-1)
+
+
+def cut(X: Vec, origin: Vec, rays: Vec) -> Vec:
+    """t of `evenly` (..., 2), where the line through X0 and X1 is cut by the planes through the
+    rays (..., 2, 3) from `origin` (3,), at right angles to the plane of origin and line."""
+    zero = X[..., :3] - X[..., 3:4] * origin
+    step = X[..., 4:7] - X[..., 7:8] * origin - zero
+    across = np.cross(rays, np.cross(zero, step)[..., None, :])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return -np.vecdot(across, zero[..., None, :]) / np.vecdot(across, step[..., None, :])

@@ -118,20 +118,46 @@ def test_plucker_lines_count_metres_from_the_nearest_point():
     X = PluckerLine().ends(y, np.array([-1.0, 3.0])).reshape(2, 4)
     np.testing.assert_allclose(X[:, :3] / X[:, 3:], [[2.0, 0.0, -1.0], [2.0, 0.0, 3.0]])
     toward = np.array([[2.0, 0.0, -1.0], [2.0, 0.0, 3.0]])
-    t = PluckerLine().along(y, np.zeros(3), toward)
-    np.testing.assert_allclose(t, [-1.0, 3.0])
+    np.testing.assert_allclose(PluckerLine().along(y, np.zeros(3), toward), [-1.0, 3.0])
+
+
+def test_anchored_plucker_lines_count_angles_from_the_nearest_point():
+    """To infinity and, with w < 0, beyond it."""
+    model, x0 = AnchoredPluckerLine(), np.array([1.0, -2.0, 3.0])
+    y = np.r_[x0, np.cross([2.0, 0.0, 5.0], [0.0, 0.0, 1.0]), 0.0, 0.0, 1.0]
+    t = np.array([-np.pi / 4, np.pi / 3])
+    X = model.ends(y, t).reshape(2, 4)
+    places = X[:, :3] / X[:, 3:] - x0
+    np.testing.assert_allclose(places, [[2.0, 0.0, -2.0], [2.0, 0.0, 2.0 * np.sqrt(3.0)]])
+    np.testing.assert_allclose(model.along(y, x0, places), t)
+    beyond = np.array([[-0.1, 0.0, 1.0], [0.1, 0.0, 1.0]])
+    found = model.along(y, x0, beyond)
+    np.testing.assert_allclose(found, np.pi / 2 + np.array([1, -1]) * np.arctan(0.1))
+    ends = model.ends(y, found).reshape(2, 4)
+    assert ends[0, 3] < 0.0 < ends[1, 3]
+
+
+def test_an_anchored_plucker_line_becomes_a_plucker_line_when_its_distance_is_known():
+    model = AnchoredPluckerLine(linearity=0.1)
+    y = seen(model).y[None]
+    P = np.zeros((1, 9, 9))
+    P[0, 6:, 6:] = 0.001**2 * np.eye(3)
+    assert model.ready(y, P, POSE)[0] and not model.ready(y, 400.0 * P, POSE)[0]
+    assert isinstance(model.successor(), PluckerLine)
+    assert AnchoredPluckerLine(linearity=0.0).successor() is None
 
 
 @each_line
 def test_a_measured_end_beside_the_line_is_put_where_the_line_is_nearest(model):
     """Nearest in direction, as seen from there."""
     y, eye = seen(model).y, POSE[:3] + np.array([0.3, 0.1, -0.2])
-    X = model.ends(y, np.array([0.2, 0.8])).reshape(2, 4)
+    X = model.ends(y, np.array([0.2, 0.8]) * model.shown[1]).reshape(2, 4)
     rays = X[:, :3] - X[:, 3:] * eye
     normal = np.cross(rays[0], rays[1])
     beside = rays / np.linalg.norm(rays, axis=1, keepdims=True)
     beside = beside + 0.05 * normal / np.linalg.norm(normal)
-    np.testing.assert_allclose(model.along(y, eye, beside), [0.2, 0.8], atol=1e-9)
+    there = model.along(y, eye, beside)
+    np.testing.assert_allclose(there, np.array([0.2, 0.8]) * model.shown[1], atol=1e-9)
 
 
 @each_line
@@ -139,7 +165,7 @@ def test_what_is_drawn_has_the_spread_of_samples(model):
     y = seen(model).y
     A = 2e-4 * rng.standard_normal((len(y), len(y)))
     P = A @ A.T
-    t = np.array([0.0, 1.0])
+    t = np.array(model.shown)
     at, cov = model.drawn(y, P, t)
     draws = rng.multivariate_normal(y, P, 4000)
     X = model.ends(draws, np.broadcast_to(t, (4000, 2))).reshape(-1, 2, 4)

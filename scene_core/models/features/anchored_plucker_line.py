@@ -6,10 +6,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scene_core.arrays import Vec
+from scene_core.arrays import Mat, Vec
 from scene_core.models import plucker
-from scene_core.models.base import Initialised, Normalised, Primitive, Redefined
+from scene_core.models.base import (
+    Converted,
+    FeatureModel,
+    Initialised,
+    Normalised,
+    Primitive,
+    Redefined,
+)
+from scene_core.models.features.plucker_line import PluckerLine
+from scene_core.models.ray_point import linearity_index
 from scene_core.models.straight_line import StraightLine
+from scene_core.params import param
 
 
 @dataclass(frozen=True)
@@ -22,7 +32,7 @@ class AnchoredPluckerLine(StraightLine):
     n is what the first view measured. |v| is the inverse distance from the anchor. From a view
     r1, r2 of both ends in a sensor at (R, t) x0 = t, n = R (r1 x r2), v = R (rho1 r2 - rho2 r1),
     both divided by |r1 x r2|. Linear in rho, which a first view leaves to the prior
-    N(rho_mean, rho_sd^2). t counts metres from the point nearest to the anchor.
+    N(rho_mean, rho_sd^2). t is the angle at the anchor from the line's nearest point.
 
     Source: Solà, Vidal-Calleja, Civera, Montiel, *Impact of landmark parametrization on monocular
     EKF-SLAM with points and lines*, IJCV 2012, "APL"; the toolbox's landmark "aplLin".
@@ -31,6 +41,10 @@ class AnchoredPluckerLine(StraightLine):
     name = "anchored Plücker line"
     state_labels = ("x0", "y0", "z0", "nx", "ny", "nz", "vx", "vy", "vz")
     state_units = ("m", "m", "m", "", "", "", "1/m", "1/m", "1/m")
+    shown = (-0.5, 0.5)
+
+    linearity: float = param(0.1, lo=0.0, hi=10.0, soft=(0.0, 0.5), label="Linearity")
+    """Converted to a Plücker line below this linearity index. 0: never."""
 
     def initialise(self, xws: Vec, X: Vec) -> Initialised:
         in_sensor, by_X = plucker.join(X)
@@ -72,8 +86,31 @@ class AnchoredPluckerLine(StraightLine):
         value[..., 3:], J[..., 3:, 3:] = plucker.unit_normal(y[..., 3:])
         return Normalised(value, J)
 
-    def ruler(self, y: Vec) -> Vec:
-        return _from_anchor(plucker.ruler(y[..., 3:]), y[..., :3])
+    def ends(self, y: Vec, t: Vec) -> Vec:
+        return _from_anchor(plucker.ends(y[..., 3:], t), y[..., :3])
+
+    def along(self, y: Vec, origin: Vec, rays: Vec) -> Vec:
+        return plucker.angles(y[..., None, 3:], origin - y[..., :3], rays)
+
+    def successor(self) -> FeatureModel | None:
+        if not self.linearity:
+            return None
+        return PluckerLine(rho_mean=self.rho_mean, rho_sd=self.rho_sd, far=self.far)
+
+    def ready(self, y: Vec, Pyy: Mat, xws: Vec) -> np.ndarray:
+        X = plucker.ends(y[..., 3:], np.zeros((*y.shape[:-1], 2)))
+        m, rho = X[..., :3], X[..., 3]
+        variance = np.trace(Pyy[..., 6:, 6:], axis1=-2, axis2=-1)
+        p = y[..., :3] + m / np.maximum(rho, 1e-9)[..., None]
+        return linearity_index(m, rho, variance, p - self.space.position(xws)) < self.linearity
+
+    def convert(self, y: Vec) -> Converted:
+        """(n + x0 x v, v)."""
+        x0, v = y[..., :3], y[..., 6:]
+        J = np.zeros((*y.shape[:-1], 6, 9))
+        J[..., :3, :3], J[..., :3, 6:] = -plucker.cross_matrix(v), plucker.cross_matrix(x0)
+        J[..., range(6), range(3, 9)] = 1.0
+        return Converted(np.concatenate([y[..., 3:6] + np.cross(x0, v), v], axis=-1), J)
 
 
 def _from_anchor(X: Vec, x0: Vec) -> Vec:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from scene_core.arrays import Vec
 from scene_core.models import plucker
 from scene_core.models.base import Initialised, Normalised, Primitive, Redefined
-from scene_core.models.straight_line import StraightLine
+from scene_core.models.straight_line import StraightLine, cut, evenly
 
 
 @dataclass(frozen=True)
@@ -18,8 +18,8 @@ class PluckerLine(StraightLine):
     is imposed again after every update. From a view r1, r2 of both ends in a sensor at (R, t)
     n = R (r1 x r2) + t x v, v = R (rho1 r2 - rho2 r1), both divided by |r1 x r2|: the scale is that
     of the first view, where |v| is the inverse distance. Linear in rho, which a first view leaves
-    to the prior N(rho_mean, rho_sd^2); v = 0 is a line at infinity. t counts metres from the point
-    nearest to the origin.
+    to the prior N(rho_mean, rho_sd^2); v = 0 is a line at infinity. t counts metres from the
+    point nearest to the origin.
 
     Source: Solà, Vidal-Calleja, Civera, Montiel, *Impact of landmark parametrization on monocular
     EKF-SLAM with points and lines*, IJCV 2012, "PL"; the toolbox's landmark "plkLin".
@@ -28,6 +28,7 @@ class PluckerLine(StraightLine):
     name = "Plücker line"
     state_labels = ("nx", "ny", "nz", "vx", "vy", "vz")
     state_units = ("", "", "", "1/m", "1/m", "1/m")
+    shown = (-1.0, 1.0)
 
     def initialise(self, xws: Vec, X: Vec) -> Initialised:
         """The line seen by the sensor at xws, at a unit normal there, moved to the world."""
@@ -48,5 +49,8 @@ class PluckerLine(StraightLine):
     def normalise(self, y: Vec) -> Normalised:
         return Normalised(*plucker.orthogonal(y))
 
-    def ruler(self, y: Vec) -> Vec:
-        return plucker.ruler(y)
+    def ends(self, y: Vec, t: Vec) -> Vec:
+        return evenly(plucker.metres(y), t)
+
+    def along(self, y: Vec, origin: Vec, rays: Vec) -> Vec:
+        return cut(plucker.metres(y), origin, rays)
