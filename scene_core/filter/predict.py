@@ -16,7 +16,7 @@ import numpy as np
 
 from scene_core.arrays import Mat, Vec
 from scene_core.filter.gaussian import FilterError, Rows, Workspace
-from scene_core.filter.ports import Control, Frame
+from scene_core.filter.ports import Control, Frame, SourceError
 from scene_core.filter.records import InternalUpdate
 from scene_core.filter.world import Instrument, Robot, World
 from scene_core.geometry.ellipses import chi2_gate
@@ -135,6 +135,17 @@ def measure_internally(world: World, frame: Frame) -> tuple[World, tuple[Interna
     return replace(world, gauss=work.seal()), updates
 
 
+def check_reading(instrument: Instrument, zv: Vec) -> None:
+    """Raise SourceError when a reading is not what the instrument's model measures."""
+    wanted = instrument.model.measurement_size
+    if np.shape(zv) != (wanted,) or not np.isfinite(zv).all():
+        labels = ", ".join(instrument.model.labels)
+        raise SourceError(
+            f"instrument '{instrument.id}' was given {np.asarray(zv).tolist()}: "
+            f"'{instrument.model.name}' needs {wanted} finite number{'s' * (wanted > 1)} ({labels})"
+        )
+
+
 def _internal_update(
     work: Workspace, world: World, instrument: Instrument, zv: Vec
 ) -> InternalUpdate:
@@ -144,6 +155,7 @@ def _internal_update(
         raise FilterError(
             f"instrument '{instrument.id}': {reason}; remove the instrument or swap the model"
         )
+    check_reading(instrument, zv)
     start = work.layout[robot.block].start
     index = np.array([start + robot.motion.state_labels.index(need) for need in model.needs])
     needed = work.x[index]

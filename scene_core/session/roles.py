@@ -12,10 +12,14 @@ from scene_core.models.library import carried
 from scene_core.models.segments import seen_by
 from scene_core.params import ParamError
 from scene_core.session.config import Experiment, MountSettings, RobotSettings
+from scene_core.session.exchange import exchangeable, exchanged
 from scene_core.session.fit import fitted
+from scene_core.session.instrument_roles import ROLE as INSTRUMENTS
+from scene_core.session.instrument_roles import instrument_roles, with_instrument
 from scene_core.session.published import RoleOptions
 from scene_core.session.simulated_roles import simulated_roles, with_simulated
 from scene_core.session.start import sd_labels, sds_of, start_state
+from scene_core.session.true_motion import with_true_motion
 
 CHOICES = {
     "estimator.policies.selection.score": "Selection score",
@@ -28,9 +32,10 @@ NO_LINES = "none"
 """Lines are seen by nobody and not mapped."""
 
 
-def role_options(experiment: Experiment) -> tuple[RoleOptions, ...]:
+def role_options(experiment: Experiment, base: Experiment | None = None) -> tuple[RoleOptions, ...]:
     """The rows of the Models tab: what there is of the same dimension. A choice that makes no
-    sense is refused with its reason when it is made."""
+    sense is refused with its reason when it is made. The scenario's own settings, `base`, tell what
+    can be put back that is not there any more."""
     estimator = experiment.estimator
     out = []
     for name, robot in estimator.robots.items():
@@ -38,7 +43,8 @@ def role_options(experiment: Experiment) -> tuple[RoleOptions, ...]:
         role = f"estimator.robots.{name}.motion"
         out.append(RoleOptions(role, f"Motion of {name}", robot.motion.name, options))
     for name, mount in estimator.mounts.items():
-        options = _names("sensors", space=mount.sensor.space, labels=mount.sensor.labels)
+        alike = _names("sensors", space=mount.sensor.space, labels=mount.sensor.labels)
+        options = tuple(dict.fromkeys((*alike, *exchangeable(experiment, name))))
         role = f"estimator.mounts.{name}.sensor"
         out.append(RoleOptions(role, f"Sensor {name}", mount.sensor.name, options))
     landmark = estimator.policies.landmark
@@ -48,9 +54,14 @@ def role_options(experiment: Experiment) -> tuple[RoleOptions, ...]:
         line = estimator.policies.line
         options = (NO_LINES, *_names("features", shape="segment"))
         out.append(RoleOptions(LINE, "New lines", line.name if line else NO_LINES, options))
+    out += instrument_roles(experiment, base or experiment)
     specs = {s.path: s for s in params.schema(estimator.policies, "estimator.policies")}
     for path, title in CHOICES.items():
         out.append(RoleOptions(path, title, specs[path].value, specs[path].choices or ()))
+    for name, robot in true_robots(experiment).items():
+        options = _names("motion", space=robot.motion.space)
+        role = f"source.robots.{name}.motion"
+        out.append(RoleOptions(role, f"Truth: motion of {name}", robot.motion.name, options))
     for name, mount in _true_mounts(experiment).items():
         options = _names("sensors", space=mount.sensor.space, labels=mount.sensor.labels)
         role = f"source.mounts.{name}.sensor"
@@ -68,7 +79,12 @@ def swapped(
     """
     if role in CHOICES:
         return params.replace(experiment, role, name), ""
-    known = {r.role: r for r in role_options(experiment)}
+    known = {r.role: r for r in role_options(experiment, base)}
+    if (
+        role.startswith(INSTRUMENTS)
+        and role.removeprefix(INSTRUMENTS) in experiment.estimator.robots
+    ):
+        return with_instrument(experiment, base, role, name)
     if role not in known:
         raise ParamError(f"no role '{role}': choose one of {', '.join(known)}")
     if role in {r.role for r in simulated_roles(experiment)}:
@@ -80,6 +96,9 @@ def swapped(
     kind = _kind(role)
     if kind and name not in registry.models(kind) and name in registry.refused(kind):
         raise ParamError(registry.refused(kind)[name])
+    mount = role.split(".")[2] if role.startswith("estimator.mounts.") else ""
+    if mount and name in registry.models(kind) and _measures_else(experiment, mount, name):
+        return exchanged(experiment, base, mount, name)
     if name not in known[role].options:
         raise ParamError(f"no model '{name}' for {role}: choose {', '.join(known[role].options)}")
     if name == known[role].current and not is_outdated(params.get(experiment, role)):
@@ -90,6 +109,10 @@ def swapped(
         return _with_line(experiment, base, name), ""
     owner_path = role.rpartition(".")[0]
     owner, original = params.get(experiment, owner_path), params.get(base, owner_path)
+    if role.startswith("source.") and role.endswith(".motion"):
+        own = original.motion.name == name and not is_outdated(original.motion)
+        motion = original.motion if own else _made("motion", name, owner.motion)
+        return with_true_motion(experiment, base, role.split(".")[2], motion)
     if role.endswith(".motion"):
         after, note = _with_motion(owner, original, name), ""
     elif original.sensor.name == name and not is_outdated(original.sensor):
@@ -102,7 +125,8 @@ def swapped(
 def outdated(experiment: Experiment) -> list[tuple[str, str]]:
     """Roles whose model is an earlier version of what its file holds now, with its name."""
     others = {*CHOICES, *(r.role for r in simulated_roles(experiment))}
-    roles = [r for r in role_options(experiment) if r.role not in others]
+    rows = (r for r in role_options(experiment) if not r.role.startswith(INSTRUMENTS))
+    roles = [r for r in rows if r.role not in others]
     return [(r.role, r.current) for r in roles if is_outdated(params.get(experiment, r.role))]
 
 
@@ -115,6 +139,12 @@ def is_outdated(model: Any) -> bool:
         return False
     now = registry.models(registry.kind_of(model)).get(model.name)
     return now is not None and now is not cls
+
+
+def _measures_else(experiment: Experiment, mount: str, name: str) -> bool:
+    """Whether a sensor of the same dimension measures something else than the one at a mount."""
+    now, new = experiment.estimator.mounts[mount].sensor, registry.model_class("sensors", name)()
+    return new.space is now.space and new.labels != now.labels
 
 
 def _kind(role: str) -> str:
@@ -147,6 +177,12 @@ def _names(kind: str, **same: Any) -> tuple[str, ...]:
     fitting = [n for n, model in found if all(getattr(model, k) == v for k, v in same.items())]
     # One that does not conform can be looked for here, and is refused with the reason.
     return tuple(dict.fromkeys((*fitting, *registry.refused(kind))))
+
+
+def true_robots(experiment: Experiment) -> dict[str, Any]:
+    """The simulator's own robots; a recording has none."""
+    robots = getattr(experiment.source, "robots", None)
+    return dict(robots) if isinstance(robots, dict) else {}
 
 
 def _true_mounts(experiment: Experiment) -> dict[str, Any]:

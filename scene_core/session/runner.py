@@ -259,7 +259,7 @@ class Runner:
     def _published(self) -> Published:
         s = self._session
         if self._roles[0] is not s.settings.experiment:
-            self._roles = (s.settings.experiment, role_options(s.settings.experiment))
+            self._roles = (s.settings.experiment, role_options(s.settings.experiment, s.base))
         return Published(
             seq=next(self._seq),
             run=s.run,

@@ -6,8 +6,7 @@ State components with equal label and unit keep their rows of x and P; the new m
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, TypeVar
 
@@ -16,21 +15,21 @@ import numpy as np
 from scene_core.arrays import Mat, Vec, frozen
 from scene_core.filter.fixed import lost
 from scene_core.filter.gaussian import convert, drop
-from scene_core.filter.world import Gaussian, Instrument, Robot, World
+from scene_core.filter.world import Gaussian, Instrument, Mount, Robot, World
 from scene_core.models.base import (
     FeatureModel,
     InternalMeasurementModel,
     MotionModel,
-    completed,
+    Sensor,
 )
+from scene_core.models.lifting import lifted
+from scene_core.models.registry import observable
 from scene_core.params import ParamError
 from scene_core.session.config import EstimatorSettings
 from scene_core.session.estimated import with_estimated
 from scene_core.session.markers import moved_markers
 from scene_core.session.start import resting
-
-WORDS: Mapping[str, str] = {"vx vy vz": "velocity", "wx wy wz": "turn rate", "phi": "heading"}
-"""How groups of state components are called."""
+from scene_core.session.swap_words import swap_words
 
 
 @dataclass(frozen=True)
@@ -53,6 +52,7 @@ def reconfigure(world: World, old: EstimatorSettings, new: EstimatorSettings) ->
             world, said = with_motion(world, robot, settings.motion)
             notes += said
     for mount, settings in new.mounts.items():
+        check_hook(new, mount)
         if settings.sensor is not old.mounts[mount].sensor:
             world, said = with_sensor(world, mount, old, new)
             notes += said
@@ -78,6 +78,16 @@ def reconfigure(world: World, old: EstimatorSettings, new: EstimatorSettings) ->
     return Reconfigured(replace(world, instruments=instruments), tuple(notes))
 
 
+def check_hook(settings: EstimatorSettings, mount: str) -> None:
+    """Raise ParamError when a sensor has nothing to hang on any more."""
+    hook, motion = settings.mounts[mount].hook, settings.robots[settings.mounts[mount].robot].motion
+    if hook not in motion.hooks:
+        raise ParamError(
+            f"sensor '{mount}' is mounted at the hook '{hook}', which '{motion.name}' does not "
+            f"have: it has {', '.join(motion.hooks)}"
+        )
+
+
 def check_directions(world: World, model: MotionModel | InternalMeasurementModel) -> None:
     """Raise ParamError when a model relies on a direction that new axes did not keep."""
     for word in model.world_fixed:
@@ -101,65 +111,11 @@ def with_motion(world: World, robot: str, motion: MotionModel) -> tuple[World, l
             "load a scenario of that dimension instead"
         )
     block = world.robots[robot].block
-    xv, J, rest = lifted(old, motion, world.gauss.mean(block))
-    gauss = _plus(convert(world.gauss, block, xv, J), block, rest)
+    taken = lifted(old, motion, world.gauss.mean(block))
+    gauss = _plus(convert(world.gauss, block, taken.xv, taken.by_xv), block, taken.P_rest)
     calib = world.robots[robot].calib_block
     gauss = _with_calib(gauss, calib, old.calib_labels, motion.calib_labels, motion.calib0, {})
-    return replace(world, robots=robots, gauss=gauss), [swap_words(old, motion, xv, rest)]
-
-
-def lifted(old: MotionModel, new: MotionModel, xv: Vec) -> tuple[Vec, Mat, Mat]:
-    """State of `new` from that of `old`, its Jacobian by the old state, and the covariance of what
-    the old state can not say."""
-    xp, dxp_by_dxv = completed(old.xp(xv), old.xp, xv)
-    assert dxp_by_dxv is not None
-    rest = new.lift(xp)
-    value, J, P = np.array(rest.xv), rest.dxv_by_dxp @ dxp_by_dxv, np.array(rest.P_rest)
-    for i, j in _common(old, new):
-        value[i], J[i] = xv[j], np.eye(len(xv))[j]
-        P[i, :] = P[:, i] = 0.0
-    return value, J, P
-
-
-def _common(old: MotionModel, new: MotionModel) -> list[tuple[int, int]]:
-    """Rows (new, old) of components with equal label and unit."""
-    where = {pair: j for j, pair in enumerate(zip(old.state_labels, old.state_units, strict=True))}
-    pairs = zip(new.state_labels, new.state_units, strict=True)
-    return [(i, where[pair]) for i, pair in enumerate(pairs) if pair in where]
-
-
-def swap_words(old: MotionModel, new: MotionModel, xv: Vec, rest: Mat) -> str:
-    """E.g. pose and map kept; velocity restarted at 0 ± 1 m/s."""
-    kept = {i for i, _ in _common(old, new)}
-    pose = set(new.space.labels) <= {new.state_labels[i] for i in kept}
-    out = ["pose and map kept" if pose else "position and map kept"]
-    restarted: dict[tuple[str, float, float], list[str]] = {}
-    for i, (label, unit) in enumerate(zip(new.state_labels, new.state_units, strict=True)):
-        if i not in kept and label not in new.space.labels:
-            key = (unit, round(float(xv[i]), 6), math.sqrt(rest[i, i]))
-            restarted.setdefault(key, []).append(label)
-    for (unit, mean, sd), labels in restarted.items():
-        value = f"{mean:g} ± {sd:g} {unit}"
-        if unit.startswith("rad"):
-            value = f"{math.degrees(mean):g} ± {math.degrees(sd):.3g} {unit.replace('rad', 'deg')}"
-        out.append(f"{_called(labels)} restarted at {value}")
-    dropped = [s for s in old.state_labels if s not in new.state_labels + new.space.labels]
-    if dropped:
-        out.append(f"{' and '.join(_groups(dropped))} dropped")
-    return "; ".join(out)
-
-
-def _called(labels: Sequence[str]) -> str:
-    return WORDS.get(" ".join(labels), ", ".join(labels))
-
-
-def _groups(labels: Sequence[str]) -> list[str]:
-    text, out = " ".join(labels), []
-    for group, word in WORDS.items():
-        if group in text:
-            out.append(word)
-            text = text.replace(group, "")
-    return out + text.split()
+    return replace(world, robots=robots, gauss=gauss), [swap_words(old, motion, taken)]
 
 
 def with_sensor(
@@ -171,17 +127,41 @@ def with_sensor(
     mounts = {**world.mounts, mount: replace(m, sensor=after)}
     if type(before) is type(after) and before.calib_labels == after.calib_labels:
         return replace(world, mounts=mounts), []
-    if before.labels != after.labels or before.space is not after.space:
+    if before.space is not after.space:
         raise ParamError(
-            f"'{after.name}' measures {', '.join(after.labels)} and '{before.name}' "
-            f"{', '.join(before.labels)}: the same measurements make no sense to it"
+            f"'{after.name}' measures {after.space.name} points and '{before.name}' "
+            f"{before.space.name} ones: load a scenario of that dimension instead"
         )
     sds = new.mounts[mount].calib_sd
     gauss = _with_calib(
         *(world.gauss, m.calib_block, before.calib_labels, after.calib_labels),
         *(after.calib0, sds),
     )
-    return replace(world, mounts=mounts, gauss=gauss), ["poses and map kept"]
+    said = ["poses and map kept", *unseen(world, after)]
+    if new.mounts[mount].pose != old.mounts[mount].pose:
+        mounts[mount], gauss = turned(mounts[mount], gauss, new.mounts[mount].pose)
+    return replace(world, mounts=mounts, gauss=gauss), said
+
+
+def turned(mount: Mount, gauss: Gaussian, pose: tuple[float, ...]) -> tuple[Mount, Gaussian]:
+    """A sensor whose axes are other ones; what is estimated of its pose turns with them."""
+    space = mount.sensor.space
+    nominal = space.normalise(np.asarray(pose, dtype=np.float64))[0]
+    if mount.pose_block in gauss.layout:
+        change = space.compose(space.inverse(mount.pose).x, nominal).x
+        moved = space.compose(gauss.mean(mount.pose_block), change)
+        gauss = convert(gauss, mount.pose_block, moved.x, moved.by_a)
+    return replace(mount, pose=frozen(nominal)), gauss
+
+
+def unseen(world: World, sensor: Sensor) -> list[str]:
+    """A sentence about features of the map that a sensor does not measure."""
+    blind = [f for f in world.features.values() if observable(sensor, f.model)]
+    if not blind:
+        return []
+    shapes = {f.model.shape for f in blind}
+    what = {"point": "points", "segment": "lines"}[shapes.pop()] if len(shapes) == 1 else "features"
+    return [f"the {len(blind)} {what} it can not measure stay in the map as they are"]
 
 
 def _with_calib(

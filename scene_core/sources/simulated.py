@@ -28,7 +28,7 @@ from scene_core.filter.ports import (
     SourceError,
 )
 from scene_core.geometry.spaces import embed
-from scene_core.models.base import Sensor
+from scene_core.models.base import MotionModel, Sensor
 from scene_core.params import param
 from scene_core.sources import markers, noise, pictures, points, segments
 from scene_core.sources.identified import Outlook
@@ -43,6 +43,7 @@ from scene_core.sources.truth import (
     TrueMarker,
     TrueMount,
     TrueRobot,
+    retold,
     told,
 )
 from scene_core.sources.worlds import SimulatedWorld, in_axes, landmarks, lines
@@ -83,10 +84,11 @@ class Simulation:
             for i, robot in self.robots.items()
         }
         memory = {i: robot.driver.memory0() for i, robot in self.robots.items()}
-        return SimulationState(xv, memory, xv)
+        return SimulationState(xv, memory, xv, self._motions())
 
     def advance(self, state: SimulationState, index: int) -> tuple[Frame, SimulationState]:
         controls: dict[str, tuple[Control, ...]] = {}
+        state = retold(state, self._motions())
         if index > 0:
             state, controls = self._moved(state, index)
         raw: dict[str, Raw] = {
@@ -204,6 +206,9 @@ class Simulation:
             for i, robot in self.robots.items()
         }
 
+    def _motions(self) -> Mapping[str, MotionModel]:
+        return {i: robot.motion for i, robot in self.robots.items()}
+
     def _settled(self, robot: TrueRobot, xv: Vec) -> Vec:
         """A true state on its constraint, and on the ground where the robot is kept there."""
         xv = robot.motion.normalise(xv).value
@@ -231,7 +236,7 @@ class Simulation:
             memory[i] = drive.memory
             if motion.control_labels:
                 controls[i] = (Control(self.dt, motion.control_labels, frozen(u)),)
-        return SimulationState(xv, memory, state.xv), controls
+        return replace(state, xv=xv, memory=memory, before=state.xv), controls
 
     def _check(self) -> None:
         """Refuses what can not be simulated together, and a world that can not be read."""

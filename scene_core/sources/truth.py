@@ -13,6 +13,7 @@ from scene_core.filter.ports import SourceError, Truth
 from scene_core.geometry import quaternion
 from scene_core.models.base import InternalMeasurementModel, MotionModel, Sensor
 from scene_core.models.labels import bare, quaternions
+from scene_core.models.lifting import lifted
 from scene_core.params import param
 from scene_core.sources import noise
 from scene_core.sources.drivers import Driver
@@ -154,6 +155,26 @@ class SimulationState:
     """What each robot's driver remembers."""
     before: Mapping[str, Vec]
     """True states one frame earlier: how far the sensors move during an exposure."""
+    motions: Mapping[str, MotionModel]
+    """Whose states these are."""
+
+
+def retold(state: SimulationState, motions: Mapping[str, MotionModel]) -> SimulationState:
+    """The same for robots some of which move by another motion model from now on: what the models
+    have in common stays, the rest is as the new one's `lift` puts it."""
+    swapped = {
+        i: was
+        for i, was in state.motions.items()
+        if type(was) is not type(motions[i]) or was.state_labels != motions[i].state_labels
+    }
+    if not swapped:
+        return state
+    xv, before = dict(state.xv), dict(state.before)
+    for i, was in swapped.items():
+        for states in (xv, before):
+            new = motions[i].normalise(lifted(was, motions[i], states[i]).xv).value
+            states[i] = frozen(new)
+    return SimulationState(xv, state.memory, before, motions)
 
 
 def told(

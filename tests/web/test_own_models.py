@@ -102,7 +102,7 @@ def test_a_model_is_chosen_saved_hangs_and_is_abandoned_in_the_page(site: Site) 
         motion = client.input("Motion of nomad")
         assert "mine" in motion["props"]["options"]
         client.set(motion["uuid"], "mine")
-        shows("position and map kept")
+        shows("pose and map kept")
         site.save("1 / 0  # a bug")
         shows("mine.py was saved")
         runner.post(commands.SetSpeed(50.0))
