@@ -170,6 +170,7 @@ def _refreshed(group: Group, world: World) -> Group:
         particles=tuple(f.particles for f in kin if f.particles is not None),
         extents=None if group.extents is None else np.array([f.extent for f in kin]),
         carrier=None if group.carrier is None else world.robots[group.carrier.id],
+        offsets=None if group.carrier is None else np.array([f.offset for f in kin]),
     )
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import viser
 
 from scene_core.arrays import Mat
+from scene_core.filter.groups import rows_of
 from scene_core.filter.world import Gaussian, World
 from scene_core.geometry.correlation import (
     block_correlations,
@@ -224,14 +225,13 @@ def others_html(world: World, selected: int | None) -> str:
         )
     layout = world.gauss.layout
     labels = [k for k in world.features if k != selected]
-    rows = [layout[world.features[k].block].slice for k in labels]
-    mine = layout[world.features[selected].block].slice
-    rho = largest_canonical_correlations(world.gauss.P, mine, rows)
+    P, (mine, *rows) = rows_of(world, [selected, *labels])
+    rho = largest_canonical_correlations(P, mine, rows)
     order = np.argsort(-rho, kind="stable")
     cells = "".join(_cell(labels[i], float(rho[i])) for i in order)
     robots = "".join(
         f'<tr><td>{escape(r.id)}</td><td class="d" style="text-align:left">robot</td>'
-        f"<td>{_with(world, mine, layout[r.block].slice):.3f}</td></tr>"
+        f"<td>{_with(P, mine, layout[r.block].slice):.3f}</td></tr>"
         for r in world.robots.values()
     )
     return block(
@@ -243,8 +243,8 @@ def others_html(world: World, selected: int | None) -> str:
     )
 
 
-def _with(world: World, a: slice, b: slice) -> float:
-    return float(largest_canonical_correlations(world.gauss.P, a, [b])[0])
+def _with(P: Mat, a: slice, b: slice) -> float:
+    return float(largest_canonical_correlations(P, a, [b])[0])
 
 
 def _cell(label: int, rho: float) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from scene_core.arrays import Mat, Vec
+from scene_core.filter.groups import rows_of
 from scene_core.filter.ports import Frame
 from scene_core.filter.records import Trace
 from scene_core.filter.world import Axes, Label, World
@@ -53,10 +54,10 @@ def colours(keys: list[str]) -> np.ndarray:
 
 def correlation_colours(world: World, selected: Label, labels: tuple[Label, ...]) -> np.ndarray:
     """Colours (N, 3) by the largest canonical correlation with the selected feature."""
-    layout = world.gauss.layout
-    blocks = [layout[world.features[label].block].slice for label in labels]
-    chosen = layout[world.features[selected].block].slice
-    rho = largest_canonical_correlations(world.gauss.P, chosen, blocks)
+    P, (chosen, *rows) = rows_of(world, [selected, *(k for k in labels if k != selected)])
+    at = iter(rows)
+    every = [chosen if k == selected else next(at) for k in labels]
+    rho = largest_canonical_correlations(P, chosen, every)
     return WEAK + rho[:, None] * (STRONG - WEAK)
 
 

@@ -114,3 +114,25 @@ def moments(group: Group, x: Vec, P: Mat) -> tuple[Vec, Mat]:
     y, J = states(group, x)
     Pyy = P[group.columns[:, :, None], group.columns[:, None, :]]
     return y, Pyy if J is None else J @ Pyy @ np.swapaxes(J, -1, -2)
+
+
+def rows_of(world: World, labels: Sequence[Label]) -> tuple[Mat, list[slice]]:
+    """A covariance and where each feature's own rows are in it: P, with rows added for the
+    coordinates of markers, which have no block."""
+    gauss, features = world.gauss, world.features
+    where = {k: gauss.layout[features[k].block].slice for k in labels}
+    T = [np.eye(gauss.x.size)]
+    at = gauss.x.size
+    for group in groups(world, [k for k in labels if features[k].carrier]):
+        _, by_columns = states(group, gauss.x)
+        assert by_columns is not None
+        for label, columns, J in zip(group.labels, group.columns, by_columns, strict=True):
+            own = np.zeros((len(J), gauss.x.size))
+            own[:, columns] = J
+            T.append(own)
+            where[label] = slice(at, at + len(J))
+            at += len(J)
+    out = list(where.values())
+    return (
+        (gauss.P, out) if len(T) == 1 else (np.concatenate(T) @ gauss.P @ np.concatenate(T).T, out)
+    )

@@ -12,7 +12,7 @@ from scene_core.filter.associate import judged
 from scene_core.filter.correct import correct
 from scene_core.filter.expect import predictions
 from scene_core.filter.gaussian import dense
-from scene_core.filter.groups import groups, moments
+from scene_core.filter.groups import groups, moments, rows_of
 from scene_core.filter.manage import delete, delete_failing
 from scene_core.filter.observe import observe, rows, sensor_state
 from scene_core.filter.policies import Policies
@@ -115,6 +115,20 @@ def test_its_moments_are_those_of_its_robot() -> None:
     where = TWO_D.to_world(x[:, 3:6], np.tile([*OFFSET, 1.0], (len(x), 1))).X[:, :2]
     sd = np.outer(*2 * [np.sqrt(np.diag(Pyy[0]))])
     np.testing.assert_allclose(100.0 * np.cov(where.T) / sd, Pyy[0] / sd, atol=0.04)
+
+
+def test_its_rows_beside_those_of_the_state() -> None:
+    world = two_robots(seed=3)
+    P, (marker, landmark) = rows_of(world, [2, 1])
+    assert landmark == world.gauss.layout["feature:1"].slice
+    n = world.gauss.x.size
+    np.testing.assert_array_equal(P[:n, :n], world.gauss.P)
+    _, Pyy = moments(groups(world, [2])[0], world.gauss.x, world.gauss.P)
+    np.testing.assert_allclose(P[marker, marker], Pyy[0], atol=1e-12)
+    J = central_differences(
+        lambda x: moments(groups(world, [2])[0], x, world.gauss.P)[0][0], (world.gauss.x,), 0
+    )
+    np.testing.assert_allclose(P[marker, :n], J @ world.gauss.P, atol=1e-8)
 
 
 def test_nobody_looks_for_a_marker_on_himself() -> None:
