@@ -20,7 +20,6 @@ from scene_core.session.config import KnownFeature, MountSettings, RobotSettings
 from scene_core.session.edits import set_param, with_seed
 from scene_core.session.session import Session
 from scene_core.session.start import initial_world
-from scene_core.session.study import Outcome, Study, study
 
 TESTSEQ = str(Path(__file__).parents[1] / "recordings" / "testseq.toml")
 
@@ -100,33 +99,6 @@ def test_the_nomad_finds_its_velocity_scale() -> None:
     mean, sd, true = session.metrics.series().calibrations["robot:nomad:calib speed scale"]
     assert true is not None and true[-1] == 0.9
     assert sd[-1] < 0.03 and abs(mean[-1] - 0.9) < 3.5 * sd[-1]
-
-
-def test_the_filter_is_consistent_over_seeds() -> None:
-    """In band for the line, over a few seeds; the full table is `make consistency`."""
-    result = study(presets.build("line"), range(6), 100)
-    lo, hi = result.nees_band
-    assert lo <= result.nees <= hi
-
-
-def test_a_model_made_wrong_on_purpose_is_seen() -> None:
-    """A sensor believed five times better than it is: NEES far out of its band."""
-    wrong = set_param(presets.build("line"), "estimator.mounts.range.sensor.sd", 0.018)
-    result = study(wrong, range(3), 100)
-    assert result.nees > 3 * result.nees_band[1] and not result.is_consistent
-
-
-def test_the_sum_over_seeds_is_held_against_its_interval() -> None:
-    def outcome(seed: int, estimate: float) -> Outcome:
-        figures = {"nees_mean": 1.0, "nees_dof": 1}
-        return Outcome(seed, figures, {"scale": (estimate, 0.1, 1.0)})
-
-    good = Study("x", tuple(outcome(i, 1.1 if i % 2 else 0.9) for i in range(20)))
-    ((name, total, band, inside),) = good.calibrations()
-    assert name == "scale" and total == pytest.approx(20.0) and inside
-    assert band == pytest.approx((9.59, 34.17), abs=0.01)
-    bad = Study("x", tuple(outcome(i, 1.2) for i in range(20)))
-    assert not next(iter(bad.calibrations()))[3] and not bad.is_consistent
 
 
 def test_recorded_images_start_from_the_known_target(recordings: Callable[[str], Path]) -> None:
