@@ -17,6 +17,8 @@ BALL = trimesh.creation.icosphere(2)
 GRAIN = trimesh.creation.icosphere(1)
 ROD = trimesh.creation.cylinder(radius=1.0, height=1.0, sections=8)
 """Along z, its middle at the origin."""
+OUT_OF_SIGHT = 1e6
+"""Where places wait that no copy has taken, m: browsers do not draw what is as far away as that."""
 
 Key = Label | tuple[Label, int]
 """A feature, or one of several copies that belong to it."""
@@ -83,8 +85,9 @@ class Instances:
     def _blank(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         wxyz = np.zeros((self.capacity, 4), dtype=np.float32)
         wxyz[:, 0] = 1.0
-        zeros = np.zeros((self.capacity, 3), dtype=np.float32)
-        return wxyz, zeros, zeros.copy(), np.zeros((self.capacity, 3), dtype=np.uint8)
+        positions = np.full((self.capacity, 3), OUT_OF_SIGHT, dtype=np.float32)
+        scales = np.zeros((self.capacity, 3), dtype=np.float32)
+        return wxyz, positions, scales, np.zeros((self.capacity, 3), dtype=np.uint8)
 
     def _place(self, labels: tuple[Key, ...]) -> np.ndarray:
         """The instances of labels, new ones in free places."""

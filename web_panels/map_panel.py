@@ -16,6 +16,7 @@ from web_panels.cameras import Cameras
 from web_panels.clouds import Cloud, Clouds
 from web_panels.instances import Instances
 from web_panels.map_layers import Lines, Particles, Rays, Selected, Sightings
+from web_panels.map_pace import pace_html
 from web_panels.map_robots import Paths, Robots
 from web_panels.map_world import Ground, TrueLandmarks
 from web_panels.panel import Look, Page, Post
@@ -40,6 +41,7 @@ class MapPanel:
     def build(self, server: viser.ViserServer, post: Post) -> None:
         self.server, self.post = server, post
         self.cameras = self.page.views = Cameras(server)
+        server.gui.add_html(pace_html())
 
     def _restart(self, p: Published, world: World, bounds: geo.Bounds) -> None:
         """Make every node anew: another run may have another world, up and robots."""

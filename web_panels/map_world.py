@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
@@ -10,6 +11,7 @@ import numpy as np
 import trimesh
 import viser
 from PIL import Image as Picture
+from trimesh.exchange.gltf import export_glb
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
@@ -21,6 +23,8 @@ from web_panels.style import C
 
 GROUND = (40, 52, 58)
 """Of undulating ground."""
+UNLIT = "KHR_materials_unlit"
+"""glTF's name for a material that no light changes."""
 
 
 class Ground:
@@ -30,11 +34,12 @@ class Ground:
         up = "xyz".index(world.up)
         scene.set_up_direction("+y" if world.up == "y" else "+z")
         scene.configure_default_lights(False)
-        scene.add_light_ambient("/map/light/all", intensity=0.9)
+        scene.add_light_ambient("/map/light/all", intensity=1.0)
         sun = bounds.centre - 3.0 * bounds.radius * np.array([0.4, 0.7, 0.0])
         sun[up] = bounds.hi[up] + 4.0 * bounds.radius
         scene.add_light_directional("/map/light/sun", intensity=1.6, position=tuple(sun))
-        scene.configure_environment_map("studio", environment_intensity=0.12)
+        # Reflections of surroundings are two thirds of a picture's cost where no card draws it.
+        scene.configure_environment_map(None)
         sky = np.linspace((26, 33, 43), (9, 12, 17), 256)[:, None].repeat(8, 1)
         scene.set_background_image(sky.astype(np.uint8), format="png")
         cell = geo.nice(bounds.radius / 6.0)
@@ -70,8 +75,11 @@ class Ground:
                 receive_shadow=False,
             )
         surfaces = getattr(getattr(p.experiment.source, "world", None), "surfaces", None)
-        for i, surface in enumerate(surfaces() if surfaces is not None else ()):
-            scene.add_mesh_trimesh(f"/map/room/{i}", textured(surface))
+        if surfaces is not None:
+            walls = [textured(surface) for surface in surfaces()]
+            scene.add_glb(
+                "/map/room/surfaces", unlit(walls), cast_shadow=False, receive_shadow=False
+            )
 
     @staticmethod
     def _add_outline(scene: viser.SceneApi, p: Published, world: World) -> None:
@@ -96,17 +104,21 @@ def textured(surface: Any) -> trimesh.Trimesh:
     texture = surface.texture if surface.texture.ndim == 3 else surface.texture[..., None]
     dimmed = np.broadcast_to(0.62 * texture, (*texture.shape[:2], 3)).astype(np.uint8)
     encoded = io.BytesIO(cv2.imencode(".jpg", dimmed[..., ::-1])[1].tobytes())
-    material = PBRMaterial(
-        emissiveTexture=Picture.open(encoded),
-        emissiveFactor=[1.0, 1.0, 1.0],
-        baseColorFactor=[0, 0, 0, 255],
-        roughnessFactor=1.0,
-        metallicFactor=0.0,
-        doubleSided=False,
-    )
+    material = PBRMaterial(baseColorTexture=Picture.open(encoded), doubleSided=False)
     uv = np.array([[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]])
     visual = TextureVisuals(uv=uv, material=material)
     return trimesh.Trimesh(vertices, faces, visual=visual, process=False)
+
+
+def unlit(meshes: Sequence[trimesh.Trimesh]) -> bytes:
+    """One GLB of meshes that show their textures as they are, whatever shines on them."""
+
+    def mark(tree: dict[str, Any]) -> None:
+        tree["extensionsUsed"] = [UNLIT]
+        for material in tree["materials"]:
+            material["extensions"] = {UNLIT: {}}
+
+    return export_glb(trimesh.Scene(list(meshes)), tree_postprocessor=mark)
 
 
 class TrueLandmarks:
