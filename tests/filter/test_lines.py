@@ -13,12 +13,14 @@ from scene_core.filter.birth import initialise
 from scene_core.filter.correct import correct
 from scene_core.filter.expect import predictions
 from scene_core.filter.groups import groups
+from scene_core.filter.manage import convert_ready, extended
 from scene_core.filter.observe import observe, residual, sensor_state
 from scene_core.filter.ports import Detection, Match
 from scene_core.filter.world import Gaussian, World
 from scene_core.geometry.numdiff import central_differences
 from scene_core.models import registry, segments
 from scene_core.models.base import FeatureModel
+from scene_core.models.features.anchored_plucker_line import AnchoredPluckerLine
 from scene_core.models.features.inverse_depth_line import InverseDepthLine
 from scene_core.models.features.plucker_line import PluckerLine
 from tests.filter.worlds import camera_world, without_new
@@ -156,3 +158,51 @@ def test_ends_are_neither_needed_nor_believed() -> None:
     slid = np.concatenate([a + 0.3 * (b - a), a + 0.9 * (b - a)])
     for z in (SEEN[0], slid):
         np.testing.assert_allclose(residual(at, seen, z[None]).nu, 0.0, atol=2e-4)
+
+
+def known(world: World, label: int, sd: float = 1e-6) -> World:
+    """The same world with a feature that is all but certain."""
+    g = world.gauss
+    P, at = g.P.copy(), g.layout[world.features[label].block].slice
+    P[at, :] = P[:, at] = 0.0
+    P[at, at] = sd**2 * np.eye(at.stop - at.start)
+    return replace(world, gauss=Gaussian(g.x, frozen(P), g.layout))
+
+
+def ends_of(world: World, label: int) -> Vec:
+    """Where both ends of a segment are in the image."""
+    found = next(p for p in predictions(world, "eye") if label in p.row)
+    assert found.ends is not None
+    return found.ends[found.row[label]]
+
+
+def part(z: Vec, a: float, b: float) -> Vec:
+    first, second = z.reshape(2, 2)
+    return np.concatenate([first + s * (second - first) for s in (a, b)])
+
+
+@each_line
+def test_the_ends_of_a_line_not_yet_known_are_those_last_measured(line: type) -> None:
+    world = world_with(line(), seed=9)
+    half = extended(world, "eye", [5], [part(SEEN[0], 0.1, 0.6)])
+    np.testing.assert_allclose(ends_of(half, 5), part(SEEN[0], 0.1, 0.6), atol=0.01)
+
+
+@each_line
+def test_a_known_line_only_grows(line: type) -> None:
+    world = known(world_with(line(), seed=9), 5)
+    same = extended(world, "eye", [5], [part(SEEN[0], 0.1, 0.6)])
+    np.testing.assert_allclose(ends_of(same, 5), SEEN[0], atol=0.01)
+    longer = extended(world, "eye", [5], [part(SEEN[0], 0.3, 1.15)])
+    np.testing.assert_allclose(ends_of(longer, 5), part(SEEN[0], 0.0, 1.15), atol=0.1)
+
+
+def test_a_line_that_changes_its_parametrisation_keeps_line_and_ends() -> None:
+    world = known(world_with(AnchoredPluckerLine(), seed=9), 5, 1e-4)
+    after, events = convert_ready(world, "eye", {5: SEEN[0]})
+    assert [e.kind for e in events] == ["converted"]
+    assert isinstance(after.features[5].model, PluckerLine)
+    before, now = (next(p for p in predictions(w, "eye") if 5 in p.row) for w in (world, after))
+    np.testing.assert_allclose(ends_of(after, 5), ends_of(world, 5), atol=1e-6)
+    S = [p.S[p.row[5]] for p in (before, now)]
+    np.testing.assert_allclose(S[1], S[0], rtol=1e-6)
