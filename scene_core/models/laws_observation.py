@@ -190,9 +190,7 @@ def feature_laws(model: FeatureModel, rng: np.random.Generator) -> list[Law]:
         return first(problems)
 
     def constraint() -> str:
-        y = states()
-        result = model.normalise(y)
-        return not_equal("a proper state", result.value, y, angles) if result else ""
+        return not_normalising(model, states(), angles, rng)
 
     def conversion() -> str:
         after = model.successor()
@@ -232,12 +230,35 @@ def feature_laws(model: FeatureModel, rng: np.random.Generator) -> list[Law]:
         ("initialise puts the point where it was seen, with its Jacobians", birth),
         ("primitive has the right Jacobian", primitive),
         ("redefine is a change of axes with its Jacobians", redefinition),
-        ("normalise leaves a proper state alone", constraint),
+        ("normalise is a projection with its Jacobian", constraint),
         ("convert keeps the point, with its Jacobian", conversion),
         ("graphics and ready have the right shapes", drawing),
         ("batched is the same as one by one", batched),
         *(partial_laws(model, rng) if model.free_labels else ()),
     ]
+
+
+def not_normalising(
+    model: FeatureModel, y: Vec, angles: np.ndarray, rng: np.random.Generator
+) -> str:
+    """Why normalise is not a projection onto the proper states y (N, n) and about them, with its
+    Jacobian; or nothing, as where there is no constraint."""
+    if model.normalise(y) is None:
+        return ""
+
+    def given(v: Vec) -> tuple[Vec, Vec | None]:
+        result = model.normalise(v)
+        assert result is not None
+        return result.value, result.jacobian
+
+    off = y + 0.03 * rng.standard_normal(y.shape)
+    once = given(off)[0]
+    problems = [
+        not_equal("a proper state", given(y)[0], y, angles),
+        not_equal("normalising twice", given(once)[0], once, angles),
+    ]
+    problems += [judge_jacobians(["dynorm_by_dy"], given, (yi,), angles) for yi in off]
+    return first(problems)
 
 
 def rays(space: Space, rng: np.random.Generator) -> Vec:

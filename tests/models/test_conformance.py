@@ -10,6 +10,7 @@ from scene_core import params
 from scene_core.models import registry
 from scene_core.models.base import Innovation, Lifted, Projection, Redefined, Transition
 from scene_core.models.check import check
+from scene_core.models.features.anchored_homogeneous import AnchoredHomogeneous
 from scene_core.models.features.inverse_depth import InverseDepth
 from scene_core.models.features.point_3d import EuclideanPoint
 from scene_core.models.internal.speed import Speed
@@ -181,6 +182,14 @@ class DepthAlongZ(InverseDepth):
 
 
 @dataclass(frozen=True)
+class ForgetsScale(AnchoredHomogeneous):
+    """Puts its vector back to length one, and says that nothing else changed."""
+
+    def normalise(self, y):
+        return super().normalise(y)._replace(jacobian=np.eye(7))
+
+
+@dataclass(frozen=True)
 class Asymmetric(Speed):
     def R(self, hv):
         return np.array([[-1.0]])
@@ -202,6 +211,7 @@ BROKEN = [
     (QuietNoise, "h_noisy", "draws"),
     (OneByOne, "one by one", "off by"),
     (DepthAlongZ, "convert", "off by"),
+    (ForgetsScale, "normalise", "dynorm_by_dy"),
     (Asymmetric, "R is", "negative eigenvalue"),
 ]
 
