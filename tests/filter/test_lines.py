@@ -198,7 +198,7 @@ def test_a_known_line_only_grows(line: type) -> None:
 
 
 def test_a_line_that_changes_its_parametrisation_keeps_line_and_ends() -> None:
-    world = known(world_with(AnchoredPluckerLine(), seed=9), 5, 1e-4)
+    world = known(world_with(AnchoredPluckerLine(linearity=0.1), seed=9), 5, 1e-4)
     after, events = convert_ready(world, "eye", {5: SEEN[0]})
     assert [e.kind for e in events] == ["converted"]
     assert isinstance(after.features[5].model, PluckerLine)

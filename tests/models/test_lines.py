@@ -6,6 +6,7 @@ import pytest
 from scene_core.geometry.numdiff import central_differences
 from scene_core.geometry.spaces import THREE_D
 from scene_core.models import plucker, registry, segments
+from scene_core.models.check import check
 from scene_core.models.features.anchored_homogeneous_line import AnchoredHomogeneousLine
 from scene_core.models.features.anchored_plucker_line import AnchoredPluckerLine
 from scene_core.models.features.homogeneous_line import HomogeneousLine
@@ -145,6 +146,8 @@ def test_an_anchored_plucker_line_becomes_a_plucker_line_when_its_distance_is_kn
     assert model.ready(y, P, POSE)[0] and not model.ready(y, 400.0 * P, POSE)[0]
     assert isinstance(model.successor(), PluckerLine)
     assert AnchoredPluckerLine(linearity=0.0).successor() is None
+    report = check(model)
+    assert report.ok, str(report)
 
 
 @each_line

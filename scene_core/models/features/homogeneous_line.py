@@ -16,6 +16,10 @@ class HomogeneousLine(PointPair):
     first view leaves both rho to the prior N(rho_mean, rho_sd^2). Never converted. The ends are
     t = 0 and 1, X(t) = X1 + t (X2 - X1).
 
+    Over-confident, as "homogeneous point" says why: without an anchor the error of the place it was
+    first seen from is forgotten. NEES 27 round the house (3 seeds, 400 frames; the toolbox 14), for
+    6.4 of an "inverse depth line" in the same runs.
+
     Source: Solà, Vidal-Calleja, Civera, Montiel, *Impact of landmark parametrization on monocular
     EKF-SLAM with points and lines*, IJCV 2012, "HPL"; the toolbox's landmark "hmgLin".
     """
