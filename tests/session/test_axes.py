@@ -45,7 +45,7 @@ def true_pose(session: Session) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("preset", "before", "after", "seeds"),
-    [("line", 40, 40, 6), ("nomad", 150, 60, 2), ("cloister", 30, 40, 3), ("room", 25, 20, 2)],
+    [("line", 40, 30, 5), ("nomad", 150, 50, 2), ("cloister", 20, 30, 3), ("room", 20, 15, 1)],
 )
 def test_errors_are_relative_and_as_large_as_the_filter_says(
     preset: str, before: int, after: int, seeds: int
