@@ -13,6 +13,7 @@ import viser
 from scene_core.session.published import Published
 from web_panels import style, viser_hooks
 from web_panels.covariance import Covariance
+from web_panels.drive import Drive
 from web_panels.events import Events
 from web_panels.frame_card import FrameCard
 from web_panels.head import Head
@@ -28,6 +29,7 @@ from web_panels.sensor_image import SensorImage
 from web_panels.sensor_polar import SensorPolar
 from web_panels.transport import Transport
 from web_panels.view import ViewPanel
+from web_panels.waypoint_list import WaypointList
 
 LEFT_PX, RIGHT_PX = 452, 320
 """At 900 px height the upper left half holds a 4:3 image of this width, a caption and a legend."""
@@ -83,6 +85,8 @@ class Layout:
         tabs = gui.add_tab_group()
         with tabs.add_tab("Run"):
             self._add(Transport(page))
+            self._add(Drive(page))
+            self._add(WaypointList(page))
             self._add(PhaseCard(page))
             self._add(FrameCard(page))
         for title, panel in (

@@ -18,6 +18,7 @@ from web_panels.instances import Instances
 from web_panels.map_layers import Lines, Particles, Rays, Selected, Sightings
 from web_panels.map_pace import pace_html
 from web_panels.map_robots import Paths, Robots
+from web_panels.map_waypoints import Flags, Floor
 from web_panels.map_world import Ground, TrueLandmarks
 from web_panels.panel import Look, Page, Post
 
@@ -59,6 +60,8 @@ class MapPanel:
         self.lines = Lines(self.server, self._choose, size)
         self.particles = Particles(self.server, self._choose, size)
         self.robots = Robots(scene, world, size)
+        self.flags = Flags(scene, size)
+        self.floor = Floor(scene, p, world.up, bounds, self.post)
         self.selected = Selected(scene)
         self.cameras.distance = 2.25 if self.simulated else 3.0
         self.axes = geo.axes_key(p)
@@ -121,11 +124,13 @@ class MapPanel:
             self.robots.render(p, world, look.truth)
             self.robots.show(images)
             self.ground.room.visible = look.room
+            self.floor.render(p, look)
             if slow:
                 self.slow_due, self.chosen = now + 1.0 / SLOW_HZ, p.selected
                 self.true_landmarks.render(p, world, look.truth)
                 self.selected.render(cloud, states, p.selected, robot[:3], look.labels)
                 self.paths.render(p, look.trajectories, look.truth)
+                self.flags.render(p, world)
         if slow:
             self.seen = self._seen(p, cloud)
         self._move_cameras(world, robot[:3], self.seen)

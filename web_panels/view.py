@@ -61,6 +61,10 @@ class ViewPanel:
             hint="Select a feature, then see which others are correlated with it.",
         )
         self.colour = Bound(colour, self.group, lambda v: self.page.change(colour=COLOURS[v]))
+        follow = gui.add_dropdown(
+            "Follow", [""], visible=False, hint="Whose eye, and whom 'Follow robot' follows."
+        )
+        self.follow = Bound(follow, self.group, lambda v: self.page.change(follow=v))
         for title, view, help_text in VIEWS:
             button = gui.add_button(title, color="gray", hint=help_text)
             on_press(button, lambda client, v=view: self._ask(client, v))
@@ -84,9 +88,18 @@ class ViewPanel:
     def _setter(self, field: str) -> Callable[[Any], None]:
         return lambda value: self.page.change(**{field: value})
 
+    def _show_robots(self, robots: tuple[str, ...], look: Look) -> None:
+        """Whom to follow, where there is a choice."""
+        choice = self.follow.handle
+        if tuple(choice.options) != robots:
+            choice.options = list(robots)
+        choice.visible = len(robots) > 1
+        self.follow.show(look.follow if look.follow in robots else robots[0])
+
     def render(self, p: Published) -> None:
         self.zero_axes.render(p)
         look = self.page.look
+        self._show_robots(tuple(p.experiment.estimator.robots), look)
         d = p.experiment.estimator.policies.landmark.space.d
         if (look, d) == self.drawn:
             return
