@@ -32,9 +32,6 @@ from scene_core.filter.scores import score
 from scene_core.filter.world import Feature, Label, Learnt, World
 from scene_core.models.base import Particles, completed
 
-PRUNE = 0.05
-"""A particle is dropped when its weight falls below this part of the average weight."""
-
 
 @dataclass(frozen=True)
 class Hypotheses:
@@ -152,7 +149,7 @@ def nearest(world: World, mount: str, match: Match) -> float:
 def reweighted(world: World, mount: str, matches: Sequence[Match]) -> dict[Label, Feature]:
     """The partial features among the matches, with the particles that agree with them.
 
-    Weights below PRUNE of the average are dropped.
+    Weights below the part of the average that the model names are dropped.
     """
     at = sensor_state(world, mount)
     found = {m.label: m.z for m in matches if m.z is not None}
@@ -168,7 +165,7 @@ def reweighted(world: World, mount: str, matches: Sequence[Match]) -> dict[Label
                 _squared(nu, S) + np.linalg.slogdet(S)[1]
             )
             w = np.exp(log_w - log_w.max())
-            keep = w >= PRUNE * w.mean()
+            keep = w >= group.model.prune * w.mean()
             w = w[keep] / w[keep].sum()
             gain = B @ np.linalg.inv(S)
             b = hyp.b[i, :K] + (gain @ nu[..., None])[..., 0]

@@ -353,6 +353,8 @@ class FeatureModel(ABC):
     free_labels: ClassVar[tuple[str, ...]] = ()
     """Parameters that particles carry; none for a complete parametrisation."""
     free_units: ClassVar[tuple[str, ...]] = ()
+    prune: ClassVar[float] = 0.05
+    """A particle is dropped when its weight falls below this part of the average weight."""
     unmeasured: ClassVar[tuple[str, ...]] = ()
     """What may be missing from a first measurement because `prior` or the particles supply it; for
     a segment what is missing from either end, e.g. ("rho",)."""

@@ -17,7 +17,7 @@ from scene_core.filter.gaussian import Gaussian, dense
 from scene_core.filter.groups import groups
 from scene_core.filter.manage import convert_ready, delete_failing
 from scene_core.filter.observe import observe, residual, sensor_state
-from scene_core.filter.particles import PRUNE, hypotheses, open_predictions, reweighted
+from scene_core.filter.particles import hypotheses, open_predictions, reweighted
 from scene_core.filter.ports import Detection, Match
 from scene_core.filter.settle import WIDER, placed, settled
 from scene_core.filter.world import Feature, World
@@ -87,7 +87,7 @@ def test_weights_are_those_of_a_looped_bayes_update() -> None:
     w = np.array(
         [w * multivariate_normal.pdf(z, h[k], E[k] + R[k]) for k, w in enumerate(before.w)]
     )
-    keep = w >= PRUNE * w.mean()
+    keep = w >= world.features[label].model.prune * w.mean()
     assert 1 < keep.sum() < len(w)
     np.testing.assert_array_equal(after.lam, before.lam[keep])
     np.testing.assert_allclose(after.w, w[keep] / w[keep].sum(), rtol=1e-6)

@@ -43,6 +43,9 @@ class PlanarRangeRing(FeatureModel):
     free_labels = ("bearing",)
     free_units = ("rad",)
     unmeasured = ("bearing",)
+    # Of right mirror images as many as this part at most fall so low by chance at some time before
+    # the turn (Ville's inequality); at 0.05, of eight rings one would.
+    prune = 1e-4
 
     particles: int = param(
         720, lo=8, hi=5000, soft=(36, 1440), effect="next feature", label="Particles"
