@@ -13,13 +13,21 @@ from typing import Literal
 import numpy as np
 
 from scene_core.arrays import Mat, Vec
-from scene_core.filter.groups import groups
-from scene_core.filter.observe import innovation_covariance, observe, residual, sensor_state
+from scene_core.filter.groups import Group, groups
+from scene_core.filter.observe import (
+    Residual,
+    SensorState,
+    innovation_covariance,
+    observe,
+    residual,
+    sensor_state,
+)
 from scene_core.filter.particles import nearest
 from scene_core.filter.ports import Match, Query
 from scene_core.filter.records import Association, Predictions
 from scene_core.filter.world import Label, Mount, World
 from scene_core.geometry.ellipses import chi2_gate
+from scene_core.models import segments
 
 
 def queries(
@@ -72,6 +80,8 @@ def judged(
     """The verdict on every match, by its own gate."""
     where = {label: (p, i) for p in predictions for label, i in p.row.items()}
     mount, confidence = world.mounts[mount_id], world.policies.gate.confidence
+    ends = [m for m in matches if m.z is not None and where[m.label][0].shape == "segment"]
+    lines = line_innovations(world, mount_id, ends)
     out = []
     for match in matches:
         p, i = where[match.label]
@@ -79,8 +89,7 @@ def judged(
         if match.z is None:
             verdict = unmatched(mount, match, p.h[i], S)
         elif p.shape == "segment":
-            nu, S = line_innovation(world, mount_id, match)
-            verdict = judge(mount, match, p.h[i], nu, S, confidence)
+            verdict = judge(mount, match, p.h[i], *lines[match.label], confidence)
         else:
             nu = mount.sensor.nu(p.h[i], match.z).nu
             d2 = None if p.particles is None else nearest(world, mount_id, match)
@@ -89,13 +98,37 @@ def judged(
     return tuple(out)
 
 
-def line_innovation(world: World, mount: str, match: Match) -> tuple[Vec, Mat]:
-    """nu (2,) and S (2, 2) of a measured segment against its line."""
-    at = sensor_state(world, mount)
-    seen = observe(at, groups(world, [match.label])[0], world.gauss.x)
-    assert match.z is not None
-    found = residual(at, seen, match.z[None], None if match.R is None else match.R[None])
-    return found.nu[0], innovation_covariance(world.gauss.P, found.rows)[0] + found.R[0]
+def line_innovations(
+    world: World, mount: str, matches: Sequence[Match]
+) -> dict[Label, tuple[Vec, Mat]]:
+    """nu (2,) and S (2, 2) of measured segments against their lines, those of a model at once."""
+    if not matches:
+        return {}
+    at, found = sensor_state(world, mount), {m.label: m for m in matches}
+    out: dict[Label, tuple[Vec, Mat]] = {}
+    for group in groups(world, list(found)):
+        _, seen = against(at, group, world.gauss.x, [found[label] for label in group.labels])
+        S = innovation_covariance(world.gauss.P, seen.rows) + seen.R
+        out |= {label: (seen.nu[i], S[i]) for i, label in enumerate(group.labels)}
+    return out
+
+
+def against(
+    at: SensorState, group: Group, x: Vec, matches: Sequence[Match]
+) -> tuple[Vec, Residual]:
+    """What x expects of a group, and the matches against it; a measurement's own covariance goes
+    before the sensor's."""
+    seen = observe(at, group, x)
+    z = np.array([match.z for match in matches])
+    R = None
+    if any(match.R is not None for match in matches):
+        sensor = at.mount.sensor
+        R = sensor.R(seen.h) if group.model.shape == "point" else segments.noise(sensor, z)
+        R = np.array(R)
+        for i, match in enumerate(matches):
+            if match.R is not None:
+                R[i] = match.R
+    return seen.h, residual(at, seen, z, R)
 
 
 def squared_distance(nu: Vec, S: Mat) -> float:

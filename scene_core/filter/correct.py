@@ -22,18 +22,17 @@ from dataclasses import replace
 import numpy as np
 
 from scene_core.arrays import Mat, Vec
-from scene_core.filter.associate import judge
+from scene_core.filter.associate import against, judge
 from scene_core.filter.gaussian import Rows, Workspace, add_noise, times_Ht, times_P
-from scene_core.filter.groups import Group, groups
+from scene_core.filter.groups import groups
 from scene_core.filter.joint import odd_ones
-from scene_core.filter.observe import Residual, SensorState, observe, residual, sensor_state
+from scene_core.filter.observe import SensorState, sensor_state
 from scene_core.filter.particles import reweighted
 from scene_core.filter.ports import Match
 from scene_core.filter.predict import normalise_robots
 from scene_core.filter.records import Association
 from scene_core.filter.world import Feature, Gaussian, Label, World
 from scene_core.geometry.ellipses import chi2_gate
-from scene_core.models import segments
 
 
 def correct(
@@ -136,29 +135,11 @@ def _linearised(
     parts: list[Rows] = []
     nus, Rs = [], []
     for group in groups(world, list(accepted)):
-        _, found = _against(at, group, work.x, [accepted[label] for label in group.labels])
+        _, found = against(at, group, work.x, [accepted[label] for label in group.labels])
         parts.append(found.rows)
         nus.append(found.nu.ravel())
         Rs.append(found.R)
     return at, parts, np.concatenate(nus), np.concatenate(Rs)
-
-
-def _against(
-    at: SensorState, group: Group, x: Vec, matches: Sequence[Match]
-) -> tuple[Vec, Residual]:
-    """What x expects of a group, and the matches against it; a measurement's own covariance goes
-    before the sensor's."""
-    seen = observe(at, group, x)
-    z = np.array([match.z for match in matches])
-    R = None
-    if any(match.R is not None for match in matches):
-        sensor = at.mount.sensor
-        R = sensor.R(seen.h) if group.model.shape == "point" else segments.noise(sensor, z)
-        R = np.array(R)
-        for i, match in enumerate(matches):
-            if match.R is not None:
-                R[i] = match.R
-    return seen.h, residual(at, seen, z, R)
 
 
 def _sequential(
@@ -170,7 +151,7 @@ def _sequential(
         gauss = Gaussian(work.x, work.P, work.layout)
         at = sensor_state(world, mount, gauss)
         group = groups(world, [match.label])[0]
-        h, one = _against(at, group, work.x, [match])
+        h, one = against(at, group, work.x, [match])
         HP = times_P([one.rows], work.P)
         S = times_Ht(HP, [one.rows]) + one.R[0]
         verdict = judge(at.mount, match, h[0], one.nu[0], S, confidence)

@@ -181,5 +181,6 @@ def delete(world: World, labels: Sequence[Label]) -> World:
     """The world without some features; every sensor forgets them at once."""
     gone = [f for f in map(world.features.__getitem__, labels) if not f.carrier]
     gauss = drop(world.gauss, [f.block for f in gone])
-    features = {k: f for k, f in world.features.items() if k not in set(labels)}
+    forgotten = set(labels)
+    features = {k: f for k, f in world.features.items() if k not in forgotten}
     return replace(world, gauss=gauss, features=features)
