@@ -61,10 +61,18 @@ def curves(sensor: Sensor, k: Vec, ends: Vec) -> Vec:
     return seen_at(sensor, k, arcs(sensor, k, ends))
 
 
+def flattened(r: Vec, normals: Vec) -> Vec:
+    """The rays (N, K, 3) turned into the planes with the normals (N, 3): of a line whose distance
+    is open the expected ends are those last measured, beside the line itself."""
+    n = normals[:, None]
+    r = r - np.vecdot(r, n)[..., None] * n
+    return r / np.maximum(np.linalg.norm(r, axis=-1, keepdims=True), 1e-12)
+
+
 def bands(sensor: Sensor, k: Vec, ends: Vec, normals: Vec, sds: Vec, half_width: float) -> Vec:
     """Outlines (N, 2 SAMPLES, 2) at half_width standard deviations sds (N, 2), in rad at either
     end, to both sides of the planes with the normals (N, 3)."""
-    r = arcs(sensor, k, ends)
+    r = flattened(arcs(sensor, k, ends), normals)
     t = np.linspace(0.0, 1.0, SAMPLES)
     a = np.minimum(half_width * ((1.0 - t) * sds[:, :1] + t * sds[:, 1:]), WIDEST)[..., None]
     n = normals[:, None]
@@ -84,7 +92,7 @@ def shapes(
     measured and what is true; None where it can not be drawn."""
     assert p.ends is not None
     sds = np.sqrt(np.maximum(np.diagonal(S, axis1=1, axis2=2), 0.0))
-    predicted = curves(sensor, k, p.ends)
+    predicted = seen_at(sensor, k, flattened(arcs(sensor, k, p.ends), p.h))
     around = bands(sensor, k, p.ends, p.h, sds, sigma(2, confidence))
     seen, true = (_known(sensor, k, [each[i] for each in found]) for i in (0, 1))
     both = np.concatenate([predicted, around], axis=1)

@@ -48,11 +48,15 @@ class Robots:
                 f"/map/names/{i}", geo.part_name(*part), anchor="top-center", font_screen_scale=0.8
             )
             for i, part in enumerate(self.parts)
-            if len(self.parts) > 1
+            if len(self.parts) > 1 and self._named(*part)
         }
         self.frusta: dict[str, viser.CameraFrustumHandle] = {}
         self.shown: dict[str, np.ndarray] = {}
         self.angles: dict[str, tuple[Sensor, Vec, tuple[float, float]]] = {}
+
+    def _named(self, robot: str, hook: str) -> bool:
+        """Joints are too close together for names."""
+        return hook == "base" or sum(name == robot for name, _ in self.parts) == 2
 
     def _body(
         self, name: str, part: tuple[str, str], share: float, colour: RGB

@@ -93,13 +93,16 @@ def story(trace: Trace, mount: str, label: int) -> Story:
     told = _measured(trace, mount, label)
     for event in own:
         if event.kind in ("converted", "deleted"):
-            told = _with_event(told, event)
+            opened = trace.start.features[label].particles is not None
+            told = _with_event(told, event, opened)
     return told
 
 
-def _with_event(told: Story, event: Event) -> Story:
+def _with_event(told: Story, event: Event, opened: bool) -> Story:
     after = {
-        "converted": "Then it was certain enough for its depth to be linear",
+        "converted": "Then its particles agreed"
+        if opened
+        else "Then it was certain enough for its depth to be linear",
         "deleted": "Then it was forgotten",
     }[event.kind]
     chip = "deleted" if event.kind == "deleted" else told.chip

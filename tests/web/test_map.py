@@ -21,6 +21,8 @@ from scene_core.models.sensors.fisheye import Fisheye
 from scene_core.session.presets import build
 from scene_core.session.published import Published
 from scene_core.session.session import Session
+from scene_core.sources.simulated import Simulation
+from scene_core.sources.worlds import in_axes
 from tests.web.fakes import published
 from tests.web.test_gate import free_port
 from web_panels import gate, map_geometry, verdicts
@@ -28,6 +30,8 @@ from web_panels.cameras import read_camera
 from web_panels.clouds import Cloud, Clouds, within_ray
 from web_panels.instances import Instances
 from web_panels.map_legend import legend_html
+from web_panels.map_panel import followed
+from web_panels.map_robots import Robots
 from web_panels.panel import Look
 from web_panels.style import C, linear
 
@@ -253,3 +257,55 @@ def test_the_legend_states_confidence_and_dimension() -> None:
 
 def test_linear_colours_keep_black_and_white() -> None:
     assert linear(np.array([[0, 0, 0], [255, 255, 255]])).tolist() == [[0] * 3, [255] * 3]
+
+
+def test_every_robot_has_its_colour_its_name_and_can_be_followed() -> None:
+    p = published("two_robots", 4)
+    assert p.trace is not None
+    world = p.trace.world
+    first, second = world.robots
+    server = gate.guarded_server("127.0.0.1", free_port(), None)
+    robots = Robots(server.scene, world, 5.0)
+    robots.render(p, world, truth=True)
+    assert robots.bodies[first, "base"].color != robots.bodies[second, "base"].color
+    assert [robots.names[name, "base"].text for name in (first, second)] == [first, second]
+    for name in (first, second):
+        at = map_geometry.robot_pose(world, name)[:3]
+        np.testing.assert_allclose(robots.bodies[name, "base"].position, at)
+        assert robots.true_bodies[name, "base"].visible
+    server.stop()
+    assert followed(world, Look()) == first == followed(world, Look(follow="nobody"))
+    assert followed(world, Look(follow=second)) == second
+
+
+def test_the_parts_of_an_arm_are_drawn_and_only_the_robot_named() -> None:
+    p = published("arm", 3)
+    assert p.trace is not None
+    world = p.trace.world
+    (name,) = world.robots
+    server = gate.guarded_server("127.0.0.1", free_port(), None)
+    robots = Robots(server.scene, world, 5.0)
+    robots.render(p, world, truth=True)
+    assert set(robots.names) == {(name, "base")} and len(robots.parts) > 3
+    for part in robots.parts:
+        body = robots.bodies[part]
+        np.testing.assert_allclose(body.position, map_geometry.robot_pose(world, *part)[:3])
+        true = map_geometry.true_position(p, *part, up=world.up)
+        assert true is not None and np.linalg.norm(true - body.position) < 0.5
+    server.stop()
+
+
+def test_undulating_ground_is_drawn_where_it_is() -> None:
+    source = build("terrain").source
+    assert isinstance(source, Simulation)
+    mesh = map_geometry.ground_mesh(source)
+    assert mesh is not None
+    vertices, faces = mesh
+    assert faces.max() == len(vertices) - 1
+    back = in_axes(source.world, np.arange(3.0), source.up).astype(int)
+    flat = np.empty_like(vertices)
+    flat[:, back] = vertices
+    ground = source.world.ground(flat[:, :2])
+    assert ground is not None
+    np.testing.assert_allclose(flat[:, 2], ground.height, atol=1e-9)
+    assert np.ptp(flat[:, 2]) > 0.05
