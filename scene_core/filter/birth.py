@@ -180,7 +180,7 @@ def initialise_at(
 
 
 def end_rays(at: SensorState, z: Vec) -> Vec:
-    """Unit rays (2, 3), in the world, through both ends z (4,) of a segment."""
-    sensor = at.mount.sensor
-    X = sensor.backproject(z.reshape(2, 2), np.zeros((2, 1)), at.k).X
-    return sensor.space.to_world(at.xws, X).X[:, :3]
+    """Unit rays (..., 2, 3), in the world, through both ends z (..., 4) of segments."""
+    sensor, ends = at.mount.sensor, z.reshape(*z.shape[:-1], 2, 2)
+    X = sensor.backproject(ends, np.zeros((*ends.shape[:-1], 1)), at.k).X
+    return sensor.space.to_world(at.xws, X).X[..., :3]

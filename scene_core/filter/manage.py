@@ -1,4 +1,5 @@
-"""The life of features: converted, deleted, extended; how they begin is told in `birth`.
+"""The life of features: converted, deleted; how they begin is told in `birth`, how segments grow in
+`extents`.
 
 Source: Davison, Scene, section 5.2 and MonoSLAM's map management; Solà, toolbox,
 `reparametrizeLmk`, `smartDeleteLmk`.
@@ -11,8 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from scene_core.arrays import Mat, Vec
-from scene_core.filter.birth import end_rays, initialise_new
+from scene_core.arrays import Vec
+from scene_core.filter.birth import initialise_new
+from scene_core.filter.extents import extended
 from scene_core.filter.gaussian import convert, drop
 from scene_core.filter.groups import groups
 from scene_core.filter.observe import sensor_state
@@ -20,9 +22,7 @@ from scene_core.filter.ports import Frame, Source
 from scene_core.filter.records import Event, Predictions
 from scene_core.filter.settle import settled
 from scene_core.filter.world import Feature, Label, World
-from scene_core.geometry.numdiff import central_differences
-from scene_core.models import plucker
-from scene_core.models.base import FeatureModel, completed
+from scene_core.models.base import completed
 
 
 def manage(
@@ -98,54 +98,6 @@ def _converted(world: World, label: Label, xws: Vec) -> World:
         t = successor.along(value, xws[:3], X[:, :3] - X[:, 3:] * xws[:3])
         now = replace(now, extent=(float(t.min()), float(t.max())))
     return replace(world, gauss=gauss, features={**world.features, label: now})
-
-
-def extended(world: World, mount: str, labels: Sequence[Label], measured: Sequence[Vec]) -> World:
-    """Segments made longer by ends that were measured beyond them.
-
-    An end is where its ray comes nearest to the line. A ray that makes less than 10 deg with the
-    line says nothing about where it ends. While the line itself is not yet known, its ends are
-    those last measured: where the earlier ones are along it would be a mere guess.
-    """
-    lines = {
-        label: z
-        for label, z in zip(labels, measured, strict=True)
-        if world.features[label].extent is not None
-    }
-    if not lines:
-        return world
-    at = sensor_state(world, mount)
-    features = dict(world.features)
-    for label, z in lines.items():
-        f = features[label]
-        y, rays = world.gauss.mean(f.block), end_rays(at, z)
-        t = f.model.along(y, at.xws[:3], rays)
-        assert f.extent is not None
-        if not is_placed(f.model, y, world.gauss.cov(f.block), f.extent):
-            if np.isfinite(t).all():
-                features[label] = replace(f, extent=(float(t.min()), float(t.max())))
-            continue
-        v = plucker.join(f.model.ends(y, np.array(f.extent))).L[3:]
-        across = np.abs(rays @ v) < np.cos(np.radians(10.0)) * np.linalg.norm(v)
-        t = t[across & np.isfinite(t)]
-        reach = (float(min([*f.extent, *t])), float(max([*f.extent, *t])))
-        features[label] = replace(f, extent=reach)
-    return replace(world, features=features)
-
-
-def is_placed(model: FeatureModel, y: Vec, Pyy: Mat, extent: tuple[float, float]) -> bool:
-    """Whether both ends of a segment are known to a tenth of its length."""
-
-    def places(y: Vec) -> Vec:
-        X = model.ends(y, np.array(extent)).reshape(2, 4)
-        return (X[:, :3] / X[:, 3:]).ravel()
-
-    if (model.ends(y, np.array(extent))[[3, 7]] <= 0.0).any():
-        return False
-    ends, J = places(y), central_differences(places, (y,), 0)
-    variance = np.vecdot(J @ Pyy, J).reshape(2, 3).sum(axis=1)
-    length = np.linalg.norm(ends[3:] - ends[:3])
-    return bool(np.sqrt(variance.max()) < 0.1 * length)
 
 
 def why_delete(world: World, feature: Feature) -> str:

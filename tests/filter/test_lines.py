@@ -12,8 +12,9 @@ from scene_core.filter.associate import judged
 from scene_core.filter.birth import initialise
 from scene_core.filter.correct import correct
 from scene_core.filter.expect import predictions
+from scene_core.filter.extents import extended
 from scene_core.filter.groups import groups
-from scene_core.filter.manage import convert_ready, extended
+from scene_core.filter.manage import convert_ready
 from scene_core.filter.observe import observe, residual, sensor_state
 from scene_core.filter.ports import Detection, Match
 from scene_core.filter.world import Gaussian, World
@@ -195,6 +196,17 @@ def test_a_known_line_only_grows(line: type) -> None:
     np.testing.assert_allclose(ends_of(same, 5), SEEN[0], atol=0.01)
     longer = extended(world, "eye", [5], [part(SEEN[0], 0.3, 1.15)])
     np.testing.assert_allclose(ends_of(longer, 5), part(SEEN[0], 0.0, 1.15), atol=0.1)
+
+
+@each_line
+def test_the_ends_of_many_lines_are_those_of_each_by_itself(line: type) -> None:
+    world = known(world_with(line(), seed=9), 5)
+    z = {7: part(SEEN[2], -0.2, 0.7), 5: part(SEEN[0], -0.2, 0.7), 6: part(SEEN[1], -0.2, 0.7)}
+    together = extended(world, "eye", list(z), list(z.values())).features
+    for label, one in z.items():
+        alone = extended(world, "eye", [label], [one]).features[label].extent
+        assert together[label].extent == pytest.approx(alone, rel=1e-9)
+        assert alone != world.features[label].extent
 
 
 def test_a_line_that_changes_its_parametrisation_keeps_line_and_ends() -> None:

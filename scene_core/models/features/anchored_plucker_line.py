@@ -96,7 +96,7 @@ class AnchoredPluckerLine(StraightLine):
         return _from_anchor(plucker.ends(y[..., 3:], t), y[..., :3])
 
     def along(self, y: Vec, origin: Vec, rays: Vec) -> Vec:
-        return plucker.angles(y[..., None, 3:], origin - y[..., :3], rays)
+        return plucker.angles(y[..., None, 3:], origin - y[..., None, :3], rays)
 
     def successor(self) -> FeatureModel | None:
         if not self.linearity:
