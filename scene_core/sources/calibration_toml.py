@@ -99,9 +99,10 @@ def _camera(path: Path, table: dict[str, Any]) -> CentralCamera:
 
 def _with(camera: CentralCamera, name: str, value: Any) -> CentralCamera:
     """A copy with one parameter replaced; the number of distortion coefficients is free."""
-    if isinstance(value, list) and isinstance(getattr(camera, name, None), tuple):
-        longer = {**vars(camera), name: (0.0,) * len(value)}
-        camera = type(camera)(**longer)
+    old = getattr(camera, name, None)
+    if isinstance(value, list) and isinstance(old, tuple):
+        as_many = (*old, *(0.0,) * len(value))[: len(value)]
+        camera = type(camera)(**{**vars(camera), name: as_many})
     return replace(camera, name, value)
 
 

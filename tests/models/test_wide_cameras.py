@@ -14,6 +14,7 @@ from scene_core.models.check import check
 from scene_core.models.sensors.fisheye import Fisheye
 from scene_core.models.sensors.omnidirectional import Omnidirectional
 from scene_core.models.sensors.opencv import OpenCV
+from scene_core.params import ParamError
 
 POSE = THREE_D.identity()
 IMAGE = {"width": 1280, "height": 800, "u0": 640.0, "v0": 400.0}
@@ -186,3 +187,9 @@ def test_on_the_axis_series_and_formula_meet():
         m, J = equidistant.ray(np.array([[t, 0.0]]))
         np.testing.assert_allclose(m, [[np.sin(t), 0.0, np.cos(t)]], rtol=1e-13)
         np.testing.assert_allclose(J[0, :, 0], [np.cos(t), 0.0, -np.sin(t)], rtol=1e-11)
+
+
+@pytest.mark.parametrize("polynomial", [(), (600.0,), (1.0, 200.0), (np.nan, -300.0)])
+def test_a_polynomial_that_does_not_fall_is_refused(polynomial):
+    with pytest.raises(ParamError, match="must fall"):
+        Omnidirectional(polynomial=polynomial)

@@ -12,7 +12,7 @@ from scene_core.arrays import Mat, Vec
 from scene_core.models import equidistant
 from scene_core.models.base import Backprojection, Projection
 from scene_core.models.camera import CentralCamera, Lens
-from scene_core.params import param
+from scene_core.params import ParamError, param
 
 
 @dataclass(frozen=True)
@@ -59,6 +59,18 @@ class Omnidirectional(CentralCamera):
         -0.09, unit="rad", lo=-1.5, hi=1.5, soft=(-0.6, 0.6), label="Lowest elevation"
     )
     """Elevation at which the view ends, negative behind the plane of the lens."""
+
+    def __post_init__(self) -> None:
+        edge, centre = (
+            np.polynomial.polynomial.polyval(theta, self.polynomial or (0.0,))
+            for theta in (self.theta_min, 0.5 * np.pi)
+        )
+        if not edge > centre:
+            raise ParamError(
+                f"the polynomial {self.polynomial} puts the edge of the view (at {self.theta_min} "
+                f"rad) {edge:.6g} px from the centre and the optical axis {centre:.6g} px: it must "
+                "fall with the elevation, so give at least a0 and a negative a1, in px"
+            )
 
     @property
     def calib_labels(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
