@@ -217,13 +217,15 @@ def _extent(
     moved = model.redefine(y, xpdef).value
     proper = model.normalise(moved)
     moved = moved if proper is None else proper.value
-    ends = np.array([a[:d] / a[d], b[:d] / b[d]])
-    # From beside the line the rays to its ends meet it under a good angle.
-    way = ends[1] - ends[0]
+    # From beside the end that is nearer than infinity the rays to both meet the line under a good
+    # angle; an end at infinity, or projectively beyond, is a direction.
+    near = a if abs(a[d]) > abs(b[d]) else b
+    way = a[:d] * b[d] - b[:d] * a[d]
+    way /= max(float(np.linalg.norm(way)), 1e-18)
     aside = np.eye(d)[np.argmin(np.abs(way))]
-    aside -= (aside @ way) / max(float(way @ way), 1e-18) * way
-    origin = ends.mean(axis=0) + max(float(np.linalg.norm(way)), 1e-3) * aside
-    t = model.along(moved, origin, ends - origin)
+    aside -= (aside @ way) * way
+    origin = near[:d] / near[d] + aside if near[d] else aside
+    t = model.along(moved, origin, np.array([a[:d] - a[d] * origin, b[:d] - b[d] * origin]))
     return float(t[0]), float(t[1])
 
 

@@ -21,10 +21,17 @@ from scene_core.geometry.numdiff import central_differences
 from scene_core.geometry.spaces import ONE_D, THREE_D, TWO_D, Space, embed, flatten
 from scene_core.models import registry
 from scene_core.models.base import FeatureModel, MotionModel, completed
+from scene_core.models.features.inverse_depth_line import InverseDepthLine
 from scene_core.models.internal.compass import Compass
 from scene_core.models.internal.height import Height
 from scene_core.models.internal.roll_pitch import RollPitch
-from scene_core.models.judge import angles_of, difference, sample_pose, sample_state
+from scene_core.models.judge import (
+    angles_of,
+    difference,
+    projectively_equal,
+    sample_pose,
+    sample_state,
+)
 from scene_core.models.motion.impulse import Impulse
 from scene_core.models.motion.inertial import Inertial
 from scene_core.models.motion.unicycle import PlanarUnicycle
@@ -375,3 +382,20 @@ def test_a_landmark_may_point_anywhere_in_the_new_axes() -> None:
     """The pole of a direction is only a chart."""
     world = with_start(built([Impulse()], THREE_D, 8), "r0", pose(1.2, "y"))
     assert_seen_alike(axes.redefine(world, "r0"), world)
+
+
+@pytest.mark.parametrize(
+    ("far", "end"),
+    [(0.3, 1.0), (0.0, 1.0), (0.05, 1.3)],
+    ids=["in front", "at infinity", "beyond it"],
+)
+def test_an_end_stays_where_it_is_however_far(far: float, end: float) -> None:
+    model = InverseDepthLine()
+    y = np.array([0.3, -0.2, 0.1, 0.2, -0.4, 0.4, -0.1, 0.5, far])
+    xpdef = sample_pose(THREE_D, np.random.default_rng(4))
+    t = axes._extent(model, y, (-0.1, end), xpdef)
+    moved = model.redefine(y, xpdef).value
+    there = model.ends(moved, np.array(t)).reshape(2, 4)
+    here = THREE_D.to_local(xpdef, model.ends(y, np.array([-0.1, end])).reshape(2, 4)).X
+    there *= np.sign(np.vecdot(there, here))[:, None]  # X and -X are one point
+    assert projectively_equal("the ends", there, here) == ""
