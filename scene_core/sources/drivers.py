@@ -70,6 +70,15 @@ class ConstantControls(Driver):
     controls: Mapping[str, float] = field(default_factory=dict)
     """By control label, in the motion model's units; a missing one is zero."""
 
+    def check(self, motion: MotionModel) -> None:
+        unknown = [label for label in self.controls if label not in motion.control_labels]
+        if unknown:
+            known = ", ".join(motion.control_labels) or "none"
+            raise SourceError(
+                f"the driver '{self.name}' sets {', '.join(unknown)}, which the motion model "
+                f"'{motion.name}' does not have among its controls ({known}): choose another driver"
+            )
+
     def drive(
         self, motion: MotionModel, xv: Vec, memory: Any, index: int, dt: float, seed: int
     ) -> Drive:

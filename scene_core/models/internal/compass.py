@@ -32,7 +32,6 @@ class Compass(AngleReading):
 
     name = "compass"
     labels = ("heading",)
-    world_fixed = ("north", "gravity")
 
     component: Literal["quaternion", "phi", "T"] = param(
         "quaternion", choices=("quaternion", "phi", "T"), label="Component"
@@ -45,6 +44,11 @@ class Compass(AngleReading):
     least_level: float = param(0.2, lo=1e-3, hi=1.0, label="Level part, min")
     """Not used when the level part of the forward axis is shorter than this; 0.2 is 78 degrees
     up or down."""
+
+    @property
+    def world_fixed(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """A body in space must know what is level before it has a heading."""
+        return ("north", "gravity") if self.component == "quaternion" else ("north",)
 
     @property
     def needs(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
