@@ -73,6 +73,11 @@ def paint(scene: Scene, chart: Chart, truth: bool) -> tuple[np.ndarray, list[Sha
     """The picture of a pane, and where its features are, for clicks."""
     painter = Painter(chart.background(scene))
     shapes = shapes_of(scene, chart)
+    if truth:
+        # Below the rest: a line is measured so near to the truth that this would hide its state.
+        for s in shapes:
+            if s.true_curve is not None:
+                painter.curve(s.true_curve, C["truth"], 1.2)
     for state in ORDER:
         for s in shapes:
             if s.mark.state == state:
@@ -84,8 +89,6 @@ def paint(scene: Scene, chart: Chart, truth: bool) -> tuple[np.ndarray, list[Sha
         for s in shapes:
             if s.true is not None:
                 painter.gapped_cross(s.true, C["truth"])
-            if s.true_curve is not None:
-                painter.curve(s.true_curve, C["truth"], 1.2)
     _draw_ids(painter, [_bare(s) for s in shapes] if chart.wide else shapes)
     return painter.canvas, shapes
 

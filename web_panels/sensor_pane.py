@@ -152,7 +152,7 @@ def regions(scene: Scene, p: Published) -> str:
     policies = p.trace.world.policies
     if policies.association.kind == "search":
         return f"ellipses {scene.half_width:.3g} sigma"
-    return f"gates {100.0 * policies.gate.confidence:.3g} %"
+    return f"gates {100.0 * policies.gate.confidence:.4g} %"
 
 
 def limits_words(sensor: Sensor, first: int = 0) -> str:

@@ -102,6 +102,23 @@ def test_the_pane_shows_measured_and_predicted_lines_and_a_click_selects() -> No
     assert white > (picture == 255).all(-1).sum() + 100
 
 
+def test_the_truth_does_not_hide_what_became_of_a_line() -> None:
+    """Along a measured line the colour of its state is on top, on all but where others cross it."""
+    s = scene(shown("house"))
+    chart = image_chart(trace_of("house").world.mounts["camera"].sensor, s)
+    picture, shapes = paint(s, chart, truth=True)
+    told = 0
+    for shape in shapes:
+        if shape.mark.state != "accepted" or shape.seen is None or shape.true_curve is None:
+            continue
+        x, y = np.round(shape.seen[1:-1]).astype(int).T
+        inside = (x >= 0) & (x < picture.shape[1]) & (y >= 0) & (y < picture.shape[0])
+        off = np.abs(picture[y[inside], x[inside]].astype(int) - C["accepted"]).max(-1)
+        assert np.mean(off < 60) > 0.7
+        told += 1
+    assert told > 3
+
+
 def test_points_and_lines_share_a_pane() -> None:
     drawn = scene(shown("corridor"))
     chart = image_chart(trace_of("corridor").world.mounts["camera"].sensor, drawn)
