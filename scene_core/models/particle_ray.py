@@ -24,6 +24,7 @@ from scene_core.models.base import (
     Redefined,
     Settled,
 )
+from scene_core.models.ordered import demand_order
 from scene_core.models.ray_point import first_view
 from scene_core.params import param
 
@@ -62,6 +63,10 @@ class ParticleRay(FeatureModel):
     """With fewer left it is given up: their spread would be that of the grid."""
     ratio: float = param(0.3, lo=1e-3, hi=1.0, soft=(0.05, 0.5), label="Spread, max")
     """Converted when the standard deviation of the particles is below this part of their mean."""
+
+    def __post_init__(self) -> None:
+        demand_order(self, "min_depth", "max_depth", apart=True)
+        demand_order(self, "min_particles", "particles")
 
     @property
     def free_labels(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -136,7 +141,7 @@ class ParticleRay(FeatureModel):
     def graphics(self, y: Vec, Pyy: Mat) -> Glyphs:
         """The ray between the smallest and the largest depth, its middle and how far off that may
         be: what is known before the particles say more."""
-        d, near, far = self.space.d, self.min_depth, max(self.max_depth, self.min_depth)
+        d, near, far = self.space.d, self.min_depth, self.max_depth
         r, u = y[..., :d], y[..., d:]
         middle = 0.5 * (near + far)
         J = np.concatenate([np.eye(d), middle * np.eye(d)], axis=1)
@@ -147,7 +152,7 @@ class ParticleRay(FeatureModel):
     def particles0(self) -> Particles:
         n, near = self.particles, self.min_depth
         if self.uniform_in == "depth":
-            lam = near + (max(self.max_depth, near) - near) * np.arange(n) / n
+            lam = near + (self.max_depth - near) * np.arange(n) / n
         else:
             lam = np.linspace(1.0 / near, 0.0, n)
         return Particles(frozen(lam[:, None]), frozen(np.full(n, 1.0 / n)))

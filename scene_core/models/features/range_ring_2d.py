@@ -19,6 +19,7 @@ from scene_core.models.base import (
     Settled,
 )
 from scene_core.models.features.point_2d import Point2D
+from scene_core.models.ordered import demand_order
 from scene_core.params import param
 
 _CENTRE = np.diag([1.0, 1.0, 0.0])
@@ -56,6 +57,9 @@ class PlanarRangeRing(FeatureModel):
     ratio: float = param(0.1, lo=1e-3, hi=1.0, soft=(0.02, 0.5), label="Spread, max")
     """Converted when the place is known to this part of the range. An arc is no ellipse: at 0.3, as
     for rays, its ends lie off the tangent by more than a range is known to."""
+
+    def __post_init__(self) -> None:
+        demand_order(self, "min_particles", "particles")
 
     def successor(self) -> FeatureModel:
         return Point2D()

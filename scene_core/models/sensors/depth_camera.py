@@ -11,6 +11,7 @@ from scene_core.arrays import Mat, Vec
 from scene_core.models.base import Backprojection, Fault, Projection
 from scene_core.models.camera import Camera, Lens, pixels, unpixels
 from scene_core.models.depth import at_inverse_depth
+from scene_core.models.ordered import demand_order
 from scene_core.params import param
 
 
@@ -50,6 +51,9 @@ class DepthCamera(Camera):
         8.0, unit="m", lo=0.01, hi=10000.0, soft=(1.0, 20.0), label="Reach, max"
     )
     """Points of more depth have none that can be measured."""
+
+    def __post_init__(self) -> None:
+        demand_order(self, "reach_min", "reach_max", apart=True)
 
     @property
     def limits(self) -> tuple[tuple[float, float], ...]:

@@ -9,6 +9,7 @@ import numpy as np
 from scene_core.arrays import Mat, Vec
 from scene_core.geometry.spaces import TWO_D
 from scene_core.models.base import Backprojection, Fault, Projection, Sensor
+from scene_core.models.ordered import demand_order
 from scene_core.params import param
 
 
@@ -41,6 +42,9 @@ class PlanarRange(Sensor):
         8.0, unit="m", lo=0.01, hi=10000.0, soft=(1.0, 50.0), label="Reach, max"
     )
     """Points farther than this are not measured."""
+
+    def __post_init__(self) -> None:
+        demand_order(self, "reach_min", "reach_max", apart=True)
 
     @property
     def limits(self) -> tuple[tuple[float, float], ...]:

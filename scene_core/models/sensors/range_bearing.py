@@ -9,6 +9,7 @@ import numpy as np
 from scene_core.arrays import Mat, Vec
 from scene_core.geometry.spaces import TWO_D, wrap
 from scene_core.models.base import Backprojection, Fault, Innovation, Projection, Sensor
+from scene_core.models.ordered import demand_order
 from scene_core.params import param
 
 
@@ -47,6 +48,9 @@ class RangeBearing(Sensor):
         2 * np.pi, unit="rad", lo=0.01, hi=2 * np.pi, soft=(0.5, 2 * np.pi), label="Field of view"
     )
     """Full opening angle, symmetric about the sensor's z axis."""
+
+    def __post_init__(self) -> None:
+        demand_order(self, "reach_min", "reach_max", apart=True)
 
     @property
     def limits(self) -> tuple[tuple[float, float], ...]:

@@ -10,6 +10,7 @@ from scene_core.arrays import Mat, Vec
 from scene_core.geometry.spaces import THREE_D, wrap
 from scene_core.models.base import Backprojection, Fault, Innovation, Projection, Sensor
 from scene_core.models.directions import FLU, angles, direction
+from scene_core.models.ordered import demand_order
 from scene_core.params import param
 
 
@@ -58,6 +59,9 @@ class RangeBearingElevation(Sensor):
         1.4, unit="rad", lo=0.01, hi=np.pi / 2, soft=(0.1, 1.5), label="Elevation, max"
     )
     """Points higher or lower than this are not seen."""
+
+    def __post_init__(self) -> None:
+        demand_order(self, "reach_min", "reach_max", apart=True)
 
     @property
     def limits(self) -> tuple[tuple[float, float], ...]:
