@@ -63,7 +63,11 @@ class Update:
 
 @dataclass(frozen=True)
 class Management:
-    """When features are born, changed and forgotten."""
+    """When features are born, changed and forgotten.
+
+    Forgetting as SceneLib does: 10 attempts, match ratio 0.5, accept ratio 0, known ones too; as
+    the toolbox does: 10, 0.1, 0.5.
+    """
 
     keep_visible: int = param(12, lo=0, hi=500, soft=(0, 60), label="In view, min")
     """New features are looked for when fewer than this many are measurable (0: never)."""
