@@ -7,7 +7,7 @@ Source: Davison, Scene, section 5.2 and MonoSLAM's map management; Solà, toolbo
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +18,7 @@ from scene_core.filter.extents import extended
 from scene_core.filter.gaussian import convert, drop
 from scene_core.filter.groups import groups
 from scene_core.filter.observe import sensor_state
-from scene_core.filter.ports import Frame, Source
+from scene_core.filter.ports import Frame, Match, Source
 from scene_core.filter.records import Event, Predictions
 from scene_core.filter.settle import settled
 from scene_core.filter.world import Feature, Label, World
@@ -31,31 +31,43 @@ def manage(
     source: Source,
     mount: str,
     predictions: Sequence[Predictions],
-    updated: Sequence[Label],
-    measured: Sequence[Vec],
+    accepted: Sequence[Match],
 ) -> tuple[World, list[Event]]:
     """Convert what has become certain, delete what fails, look for what is new."""
     if world.policies.management.extend_lines:
-        world = extended(world, mount, updated, measured)
-    world, events = convert_ready(world, mount, dict(zip(updated, measured, strict=True)))
+        ends = {match.label: match.z for match in accepted if match.z is not None}
+        world = extended(world, mount, list(ends), list(ends.values()))
+    world, events = convert_ready(world, mount, accepted)
     world, deleted = delete_failing(world)
     events += deleted
     world, born = initialise_new(world, frame, source, mount, predictions)
     return world, events + born
 
 
-def convert_ready(
-    world: World, mount: str, measured: Mapping[Label, Vec]
-) -> tuple[World, list[Event]]:
+def convert_ready(world: World, mount: str, accepted: Sequence[Match]) -> tuple[World, list[Event]]:
     """Reparametrise those of the measured features whose model says they are ready."""
     events: list[Event] = []
-    candidates = [
-        label for label in measured if world.features[label].model.successor() is not None
-    ]
-    if not candidates:
+    found = {m.label: m for m in accepted if world.features[m.label].model.successor() is not None}
+    if not found:
         return world, events
     xws = sensor_state(world, mount).xws
-    for group in groups(world, candidates):
+    for label in _ready(world, list(found), xws):
+        if world.features[label].particles is None:
+            world = _converted(world, label, xws)
+        else:
+            complete = settled(world, mount, found[label])
+            if complete is None:
+                continue
+            world = complete
+        f = world.features[label]
+        events.append(Event(world.frame, "converted", _about(world, f, xws), f.label))
+    return world, events
+
+
+def _ready(world: World, labels: Sequence[Label], xws: Vec) -> list[Label]:
+    """Which features their models would convert now; all are asked before one changes the state."""
+    out: list[Label] = []
+    for group in groups(world, labels):
         y = world.gauss.x[group.columns]
         Pyy = world.gauss.P[group.columns[:, :, None], group.columns[:, None, :]]
         if group.partial:
@@ -63,15 +75,8 @@ def convert_ready(
             ready = np.array([group.model.settled(each, cloud) for each, cloud in clouds])
         else:
             ready = group.model.ready(y, Pyy, xws)
-        for i in np.flatnonzero(ready):
-            label = group.labels[int(i)]
-            if group.partial:
-                world = settled(world, mount, label, measured[label])
-            else:
-                world = _converted(world, label, xws)
-            f = world.features[label]
-            events.append(Event(world.frame, "converted", _about(world, f, xws), f.label))
-    return world, events
+        out += [group.labels[int(i)] for i in np.flatnonzero(ready)]
+    return out
 
 
 def _about(world: World, f: Feature, xws: Vec) -> str:

@@ -1,7 +1,8 @@
 """A partial feature becomes a complete one: its particles' mean goes into the state.
 
     y = g(yp, lam),  P_yy = G_y P_pp G_y' + G_lam (WIDER^2 var(lam)) G_lam',
-and then the match of this frame, which has only weighted particles so far, updates the state.
+and then the match of this frame, which has only weighted particles so far, updates the state if it
+passes the gate of the complete feature, whose nu is that of the mean. Otherwise it stays open.
 
 The error of lam is that of the way between the views it was triangulated from, which other features
 of the same frames share. Particles can not say so: with var(lam) alone a whole map that was born
@@ -13,20 +14,25 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from scene_core.arrays import Mat, Vec
-from scene_core.filter.gaussian import Gaussian, Workspace, convert
+from scene_core.arrays import Mat
+from scene_core.filter.associate import against, judge
+from scene_core.filter.correct import normalise_features
+from scene_core.filter.gaussian import Gaussian, Workspace, add_noise, convert, times_Ht, times_P
 from scene_core.filter.groups import groups
-from scene_core.filter.observe import observe, residual, sensor_state
+from scene_core.filter.observe import sensor_state
+from scene_core.filter.ports import Match
 from scene_core.filter.predict import normalise_robots
-from scene_core.filter.world import Feature, Label, World
+from scene_core.filter.world import Feature, World
 from scene_core.models.base import completed
 
 WIDER = 3.0
 """Times the standard deviation of the particles."""
 
 
-def settled(world: World, mount: str, label: Label, z: Vec) -> World:
-    """The world with a partial feature in its successor's parametrisation, measured at z."""
+def settled(world: World, mount: str, match: Match) -> World | None:
+    """The world with a partial feature in its successor's parametrisation, updated with its match;
+    None where the match is not what the mean of the particles predicts."""
+    label, open_ = match.label, [k for k, f in world.features.items() if f.particles is not None]
     feature = world.features[label]
     successor = feature.model.successor()
     assert successor is not None
@@ -37,10 +43,18 @@ def settled(world: World, mount: str, label: Label, z: Vec) -> World:
     }
     world = replace(world, gauss=gauss, features=features)
     at = sensor_state(world, mount)
-    found = residual(at, observe(at, groups(world, [label])[0], gauss.x), z[None])
-    work = Workspace(gauss)
-    work.update([found.rows], found.nu.ravel(), found.R)
+    h, found = against(at, groups(world, [label])[0], gauss.x, [match])
+    work, nu = Workspace(gauss), found.nu[0]
+    HP = times_P([found.rows], work.P)
+    S = times_Ht(HP, [found.rows])
+    add_noise(S, found.R)
+    confidence = world.policies.gate.confidence
+    if judge(at.mount, match, h[0], nu, S, confidence).verdict != "accepted":
+        return None
+    work.gain(HP, S, nu)
     normalise_robots(work, world)
+    # Other rays move with what they are correlated with: their particles need them of length 1.
+    normalise_features(work, world, open_)
     return replace(world, gauss=work.seal())
 
 

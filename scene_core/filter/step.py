@@ -7,7 +7,7 @@ between phases, redoing a frame and showing it from another thread need nothing 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from time import perf_counter
 from typing import Any
@@ -52,7 +52,8 @@ def observe_with(world: World, frame: Frame, source: Source, mount: str) -> Iter
         "update", mount, lambda: _update(world, mount, searched.matches, judged.associations)
     )
     yield updated
-    fresh = [a for a in updated.associations if a.verdict == "accepted"]
+    agreed = {a.label for a in updated.associations if a.verdict == "accepted"}
+    fresh = [match for match in searched.matches if match.label in agreed]
     yield _timed("manage", mount, lambda: _manage(updated.world, frame, source, mount, seen, fresh))
 
 
@@ -145,8 +146,7 @@ def _manage(
     source: Source,
     mount: str,
     seen: tuple[Predictions, ...],
-    fresh: list[Association],
+    fresh: Sequence[Match],
 ) -> dict[str, Any]:
-    labels, measured = [a.label for a in fresh], [a.z for a in fresh if a.z is not None]
-    after, events = manage(world, frame, source, mount, seen, labels, measured)
+    after, events = manage(world, frame, source, mount, seen, fresh)
     return dict(world=after, events=tuple(events))

@@ -211,7 +211,7 @@ def test_the_ends_of_many_lines_are_those_of_each_by_itself(line: type) -> None:
 
 def test_a_line_that_changes_its_parametrisation_keeps_line_and_ends() -> None:
     world = known(world_with(AnchoredPluckerLine(linearity=0.1), seed=9), 5, 1e-4)
-    after, events = convert_ready(world, "eye", {5: SEEN[0]})
+    after, events = convert_ready(world, "eye", [Match("eye", 5, SEEN[0], 1.0, 1.0)])
     assert [e.kind for e in events] == ["converted"]
     assert isinstance(after.features[5].model, PluckerLine)
     before, now = (next(p for p in predictions(w, "eye") if 5 in p.row) for w in (world, after))

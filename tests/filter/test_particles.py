@@ -174,9 +174,11 @@ def test_settling_is_a_change_of_state_and_a_dense_textbook_update() -> None:
     world, label = open_world(seed=5)
     world = collapsed(world, label, 2.0, 0.1)
     z = seen(world, label, 2.02) + np.array([0.2, 0.1])
-    after, events = convert_ready(world, "eye", {label: z})
+    after, events = convert_ready(world, "eye", [match(label, z)])
     assert [e.kind for e in events] == ["converted"] and "Euclidean point" in events[0].text
-    np.testing.assert_array_equal(after.gauss.x, settled(world, "eye", label, z).gauss.x)
+    alone = settled(world, "eye", match(label, z))
+    assert alone is not None
+    np.testing.assert_array_equal(after.gauss.x, alone.gauss.x)
     f = after.features[label]
     assert f.particles is None and f.model.successor() is None and not f.learnt
     prior = placed(world.gauss, world.features[label], WIDER)
@@ -217,3 +219,56 @@ def test_rays_keep_the_length_one_while_others_are_measured() -> None:
     u = after.gauss.mean(world.features[label].block)[3:]
     assert not np.array_equal(u, world.gauss.mean(world.features[label].block)[3:])
     assert np.linalg.norm(u) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_what_the_mean_of_the_particles_does_not_predict_leaves_the_feature_open() -> None:
+    world, label = open_world(seed=5)
+    world = collapsed(world, label, 2.0, 0.1)
+    z, across = seen(world, label, 2.0), np.array([0.0, 1.0])
+    for off, stays in ((1.0, False), (60.0, True)):
+        after, events = convert_ready(world, "eye", [match(label, z + off * across)])
+        assert (after is world) == stays and len(events) == (not stays), off
+    # The gate is that of what is going to be updated: of a measurement as coarse as it says.
+    coarse = replace(match(label, z + 60.0 * across), R=900.0 * np.eye(2))
+    after, events = convert_ready(world, "eye", [coarse])
+    assert [e.kind for e in events] == ["converted"]
+    before, now = world.gauss.mean("robot:cam"), after.gauss.mean("robot:cam")
+    trusted = settled(world, "eye", replace(coarse, R=1e4 * np.eye(2)))
+    assert trusted is not None
+    moved = np.linalg.norm(trusted.gauss.mean("robot:cam") - before)
+    assert 0.0 < moved < np.linalg.norm(now - before)
+
+
+def test_one_that_settles_leaves_the_others_rays_at_length_one() -> None:
+    world, label = open_world(seed=7)
+    world, event = initialise(world, "eye", Detection(PIXEL + 40.0, 10))
+    other = event.label
+    assert other is not None
+    x, A = world.gauss.x, np.random.default_rng(2).standard_normal((world.gauss.x.size,) * 2)
+    world = replace(world, gauss=replace(world.gauss, P=frozen(4e-5 * A @ A.T)))
+    world = collapsed(world, label, 2.0, 0.1)
+    z = seen(world, label, 2.0) + 1.0
+    after, events = convert_ready(world, "eye", [match(label, z)])
+    assert len(events) == 1
+    u = after.gauss.mean(world.features[other].block)[3:]
+    assert not np.allclose(u, x[world.gauss.layout[world.features[other].block].slice][3:])
+    assert np.linalg.norm(u) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_features_of_several_kinds_are_converted_in_one_frame() -> None:
+    """The first one changes where the others stand in the state."""
+    world, label = open_world(seed=5)
+    world, event = initialise(
+        replace(world, policies=replace(world.policies, landmark=RayWithParticles(ratio=0.2))),
+        "eye",
+        Detection(PIXEL + 20.0, 10),
+    )
+    other = event.label
+    assert other is not None and len(groups(world, [label, other])) == 2
+    for one in (label, other):
+        world = collapsed(world, one, 2.0, 0.1)
+    found = [match(one, seen(world, one, 2.0)) for one in (label, other)]
+    after, events = convert_ready(world, "eye", found)
+    assert [e.label for e in events] == [label, other]
+    assert after.features[label].model.successor() is None
+    assert after.features[other].model.successor() is None
