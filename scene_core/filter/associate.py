@@ -82,6 +82,8 @@ def judged(
     mount, confidence = world.mounts[mount_id], world.policies.gate.confidence
     ends = [m for m in matches if m.z is not None and where[m.label][0].shape == "segment"]
     lines = line_innovations(world, mount_id, ends)
+    open_ = [m for m in matches if m.z is not None and where[m.label][0].particles is not None]
+    closest = nearest(world, mount_id, open_)
     out = []
     for match in matches:
         p, i = where[match.label]
@@ -92,8 +94,7 @@ def judged(
             verdict = judge(mount, match, p.h[i], *lines[match.label], confidence)
         else:
             nu = mount.sensor.nu(p.h[i], match.z).nu
-            d2 = None if p.particles is None else nearest(world, mount_id, match)
-            verdict = judge(mount, match, p.h[i], nu, S, confidence, d2)
+            verdict = judge(mount, match, p.h[i], nu, S, confidence, closest.get(match.label))
         out.append(verdict)
     return tuple(out)
 

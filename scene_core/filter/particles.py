@@ -137,13 +137,18 @@ def open_predictions(world: World, at: SensorState, group: Group) -> Predictions
     )
 
 
-def nearest(world: World, mount: str, match: Match) -> float:
-    """The smallest d2 of a match over all particles of its feature."""
-    at, z = sensor_state(world, mount), match.z
-    assert z is not None
-    hyp = hypotheses(world, at, groups(world, [match.label])[0])
-    nu = at.mount.sensor.nu(hyp.h[0], z).nu
-    return float(_squared(nu, hyp.S[0])[hyp.w[0] > 0.0].min())
+def nearest(world: World, mount: str, matches: Sequence[Match]) -> dict[Label, float]:
+    """The smallest d2 of every match over all particles of its feature."""
+    if not matches:
+        return {}
+    at, found = sensor_state(world, mount), {m.label: m for m in matches}
+    out: dict[Label, float] = {}
+    for group in groups(world, list(found)):
+        hyp = hypotheses(world, at, group)
+        nu, S = _against(at, hyp, [found[label] for label in group.labels])
+        d2 = np.where(hyp.w > 0.0, _squared(nu, S), np.inf).min(axis=1)
+        out |= dict(zip(group.labels, d2.tolist(), strict=True))
+    return out
 
 
 def reweighted(world: World, mount: str, matches: Sequence[Match]) -> dict[Label, Feature]:
@@ -152,15 +157,15 @@ def reweighted(world: World, mount: str, matches: Sequence[Match]) -> dict[Label
     Weights below the part of the average that the model names are dropped.
     """
     at = sensor_state(world, mount)
-    found = {m.label: m.z for m in matches if m.z is not None}
+    found = {m.label: m for m in matches if m.z is not None}
     out: dict[Label, Feature] = {}
     for group in groups(world, list(found)):
         hyp = hypotheses(world, at, group)
+        every = _against(at, hyp, [found[label] for label in group.labels])
         for i, label in enumerate(group.labels):
-            z, cloud = found[label], group.particles[i]
+            cloud = group.particles[i]
             K = len(cloud.w)
-            nu = at.mount.sensor.nu(hyp.h[i, :K], z).nu
-            S, B = hyp.S[i, :K], hyp.B[i, :K]
+            nu, S, B = every[0][i, :K], every[1][i, :K], hyp.B[i, :K]
             log_w = np.log(np.maximum(cloud.w, 1e-300)) - 0.5 * (
                 _squared(nu, S) + np.linalg.slogdet(S)[1]
             )
@@ -183,6 +188,16 @@ def reweighted(world: World, mount: str, matches: Sequence[Match]) -> dict[Label
     return out
 
 
+def _against(at: SensorState, hyp: Hypotheses, matches: Sequence[Match]) -> tuple[Vec, Mat]:
+    """nu (N, K, m) and S (N, K, m, m) of a match for each feature; a measurement's own covariance
+    goes before the sensor's."""
+    z, S = np.array([match.z for match in matches]), hyp.S.copy()
+    for i, match in enumerate(matches):
+        if match.R is not None:
+            S[i] = hyp.B[i] + match.R
+    return at.mount.sensor.nu(hyp.h, z[:, None]).nu, S
+
+
 def _kept(past: Learnt, keep: np.ndarray) -> Learnt:
     return Learnt(frozen(past.b[keep]), frozen(past.B[keep]), frozen(past.E[keep]))
 
@@ -193,5 +208,5 @@ def _means(group: Group) -> Vec:
 
 
 def _squared(nu: Vec, S: Mat) -> Vec:
-    """nu' S^-1 nu (K,)."""
-    return np.einsum("ki,ki->k", nu, np.linalg.solve(S, nu[..., None])[..., 0])
+    """nu' S^-1 nu (...,)."""
+    return np.vecdot(nu, np.linalg.solve(S, nu[..., None])[..., 0])

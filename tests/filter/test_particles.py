@@ -17,7 +17,7 @@ from scene_core.filter.gaussian import Gaussian, dense
 from scene_core.filter.groups import groups
 from scene_core.filter.manage import convert_ready, delete_failing
 from scene_core.filter.observe import observe, residual, sensor_state
-from scene_core.filter.particles import hypotheses, open_predictions, reweighted
+from scene_core.filter.particles import hypotheses, nearest, open_predictions, reweighted
 from scene_core.filter.ports import Detection, Match
 from scene_core.filter.settle import WIDER, placed, settled
 from scene_core.filter.world import Feature, World
@@ -77,12 +77,17 @@ def cloud(feature: Feature) -> Particles:
     return feature.particles
 
 
-def test_weights_are_those_of_a_looped_bayes_update() -> None:
+OWN = np.array([[3.0, 1.0], [1.0, 8.0]])
+"""The covariance that a measurement brings itself."""
+
+
+@pytest.mark.parametrize("own", [None, OWN], ids=["the sensor's", "its own"])
+def test_weights_are_those_of_a_looped_bayes_update(own: np.ndarray | None) -> None:
     world, label = open_world()
     z = seen(world, label, 2.0) + np.array([0.4, -0.3])
-    after = cloud(reweighted(world, "eye", [match(label, z)])[label])
+    after = cloud(reweighted(world, "eye", [replace(match(label, z), R=own)])[label])
     h, E = textbook(world, label)
-    R = world.mounts["eye"].sensor.R(h)
+    R = world.mounts["eye"].sensor.R(h) if own is None else np.broadcast_to(own, E.shape)
     before = cloud(world.features[label])
     w = np.array(
         [w * multivariate_normal.pdf(z, h[k], E[k] + R[k]) for k, w in enumerate(before.w)]
@@ -91,6 +96,30 @@ def test_weights_are_those_of_a_looped_bayes_update() -> None:
     assert 1 < keep.sum() < len(w)
     np.testing.assert_array_equal(after.lam, before.lam[keep])
     np.testing.assert_allclose(after.w, w[keep] / w[keep].sum(), rtol=1e-6)
+
+
+def test_matches_are_held_against_all_particles_at_once_each_by_its_own_noise() -> None:
+    world, first = open_world()
+    world, event = initialise(world, "eye", Detection(PIXEL + 30.0, 10))
+    second = event.label
+    assert second is not None
+    # One has fewer particles than the other, and the coarse one is not the last.
+    after = reweighted(world, "eye", [match(second, seen(world, second, 2.0))])
+    world = replace(world, features={**world.features, **after})
+    found = [
+        replace(match(first, seen(world, first, 1.0) + 9.0), R=OWN),
+        match(second, seen(world, second, 2.0) + 5.0),
+    ]
+    d2 = nearest(world, "eye", found)
+    for one in found:
+        hyp = hypotheses(world, sensor_state(world, "eye"), groups(world, [one.label])[0])
+        assert one.z is not None
+        R = world.mounts["eye"].sensor.R(hyp.h[0]) if one.R is None else one.R
+        S, nu = hyp.B[0] + R, one.z - hyp.h[0]
+        each = [n @ np.linalg.inv(s) @ n for n, s in zip(nu, S, strict=True)]
+        assert d2[one.label] == pytest.approx(min(each), rel=1e-9)
+    verdicts = judged(world, "eye", predictions(world, "eye"), found)
+    assert [v.d2 for v in verdicts] == [d2[first], d2[second]]
 
 
 def test_an_error_that_is_repeated_counts_once() -> None:
