@@ -22,9 +22,10 @@ from functools import cached_property
 import numpy as np
 
 from scene_core.arrays import Mat, Vec, frozen
-from scene_core.filter.fixed import TOLD, deviation, not_flat
+from scene_core.filter.fixed import EXACT, TOLD, deviation, not_flat
 from scene_core.filter.groups import Group, groups
 from scene_core.filter.world import Axes, Feature, Gaussian, Label, Robot, World
+from scene_core.geometry.numdiff import central_differences
 from scene_core.geometry.spaces import THREE_D, Space, embed, flatten, relative
 from scene_core.models.base import FeatureModel, completed
 from scene_core.params import ParamError
@@ -135,6 +136,35 @@ def refusal(world: World, at: Definition) -> str:
         space = group.model.space
         if change := not_flat(space, at.pose, at.pose_cov, at.up):
             return f"the landmarks '{group.model.name}' are for {space.name}, and {change}"
+        if change := _doubtful(group, at):
+            return change
+    return ""
+
+
+def _doubtful(group: Group, at: Definition) -> str:
+    """How uncertain the particles of open features would become; empty: not at all.
+
+    All particles of a feature would be wrong by one error, that of the defining robot's pose, and
+    nothing keeps how particles and the state are correlated: what a sensor will see would change.
+    """
+    model = group.model
+    if not group.partial or type(model).redefine_free is FeatureModel.redefine_free:
+        return ""
+    xpdef, by_xv = at.seen_in(model.space)
+    P = by_xv @ at.P @ by_xv.T
+    for label, cloud in zip(group.labels, group.particles, strict=True):
+        J = central_differences(model.redefine_free, (cloud.lam, xpdef), 1)
+        variances = np.diagonal(J @ P @ np.swapaxes(J, -1, -2), axis1=-2, axis2=-1)
+        # The median: a particle at the seam of a circle seems to move by a whole turn.
+        sds = np.sqrt(np.maximum(np.median(variances, axis=0), 0.0))
+        for what, unit, sd in zip(model.free_labels, model.free_units, sds, strict=True):
+            if sd > EXACT:
+                value = f"{np.degrees(sd):.2g} deg" if unit == "rad" else f"{sd:.2g} {unit}"
+                return (
+                    f"the particles of the landmark {label} ('{model.name}') carry its {what} in "
+                    f"the axes, and the new ones are known only to {value}: wait until it has "
+                    "settled, or delete it"
+                )
     return ""
 
 

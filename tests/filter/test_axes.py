@@ -43,7 +43,7 @@ FREE = [m for m in MOTIONS if not m.world_fixed]
 SENSORS = [cls() for cls in registry.models("sensors").values()]
 ALL_FEATURES = [cls() for cls in registry.models("features").values()]
 TURNED = [f for f in ALL_FEATURES if type(f).redefine_free is not FeatureModel.redefine_free]
-"""Their particles turn with the axes, but can not know how uncertain that turn is."""
+"""Their particles turn with the axes, but only as far as that turn is certain."""
 FEATURES = [f for f in ALL_FEATURES if f not in TURNED]
 
 
@@ -369,8 +369,12 @@ def test_particles_turn_with_axes_that_are_known(model: FeatureModel) -> None:
         gauss = augment(world.gauss, feature.block, y, {}, 0.01 * np.eye(len(y)))
         P = gauss.P.copy()
         P[:3], P[:, :3] = 0.0, 0.0
-        gauss = replace(gauss, P=frozen(P))
         world = replace(world, gauss=gauss, features={**world.features, 99: feature})
+        sd = np.degrees(np.sqrt(gauss.P[2, 2]))
+        sentence = f"landmark 99 .'{model.name}'. carry its .* known only to {sd:.2g} deg: wait"
+        with pytest.raises(ParamError, match=sentence):
+            axes.redefine(world, "r0")
+        world = replace(world, gauss=replace(gauss, P=frozen(P)))
         after = axes.redefine(world, "r0")
         turned = after.features[99].particles
         assert turned is not None and feature.particles is not None
@@ -399,3 +403,18 @@ def test_an_end_stays_where_it_is_however_far(far: float, end: float) -> None:
     here = THREE_D.to_local(xpdef, model.ends(y, np.array([-0.1, end])).reshape(2, 4)).X
     there *= np.sign(np.vecdot(there, here))[:, None]  # X and -X are one point
     assert projectively_equal("the ends", there, here) == ""
+
+
+@pytest.mark.parametrize("model", TURNED, ids=lambda m: m.name)
+def test_an_uncertain_place_is_no_reason_to_keep_particles_from_turning(
+    model: FeatureModel,
+) -> None:
+    world = built([PlanarUnicycle()], model.space, 1)
+    feature, y = found(model, 99, next(iter(world.mounts)), np.random.default_rng(1))
+    gauss = augment(world.gauss, feature.block, y, {}, 0.01 * np.eye(len(y)))
+    P = gauss.P.copy()
+    P[2], P[:, 2] = 0.0, 0.0
+    assert P[0, 0] > 1e-6
+    gauss = replace(gauss, P=frozen(P))
+    world = replace(world, gauss=gauss, features={**world.features, 99: feature})
+    assert_seen_alike(axes.redefine(world, "r0"), world)
