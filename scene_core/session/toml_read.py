@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 import types
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass, replace
@@ -13,6 +12,7 @@ from scene_core.params import ParamError, check_value
 from scene_core.session import polymorphic, units
 from scene_core.session.config import Experiment
 from scene_core.session.edits import with_seed
+from scene_core.sources.toml_text import parsed
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,8 @@ class Place:
 def read_experiment(text: str, file: str) -> Experiment:
     """The experiment in a TOML text. Raises ParamError naming file, table, key and remedy."""
     try:
-        content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as e:
+        content = parsed(text)
+    except ValueError as e:
         raise ParamError(f"{file} is not valid TOML: {e}") from e
     own_seed = "seed" in content.get("source", {}) if isinstance(content, dict) else False
     experiment = _object(Experiment, content, Place(file))

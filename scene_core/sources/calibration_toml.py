@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -27,6 +26,7 @@ from scene_core.models.camera import CentralCamera
 from scene_core.models.registry import models
 from scene_core.params import ParamError, replace
 from scene_core.sources.calibration import AXES, Calibration, KnownPatch, find_patch
+from scene_core.sources.toml_text import parsed
 
 START = {
     "position_m": ("x", "y", "z"),
@@ -48,9 +48,8 @@ TABLES = ("about", "camera", "mount", "world", "start", "start_sd", "known_featu
 def read_toml(path: Path, images: Path | None) -> Calibration:
     """The recording described by a TOML file; raises SourceError naming file, table and key."""
     try:
-        with path.open("rb") as file:
-            content = tomllib.load(file)
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as e:
+        content = parsed(path.read_text(encoding="utf-8"))
+    except ValueError as e:
         raise SourceError(f"{path} is not valid TOML: {e}") from e
     _only(path, "", content, TABLES)
     camera = dict(_table(path, content, "camera"))

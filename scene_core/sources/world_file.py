@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-import tomllib
+import stat
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 from scene_core.arrays import Mat, Vec, frozen
 from scene_core.geometry.spaces import ONE_D, THREE_D, TWO_D, Space
 from scene_core.params import ParamError, param
+from scene_core.sources.toml_text import parsed
 from scene_core.sources.worlds import KnownPoint, SimulatedWorld
 
 KEYS = ("points", "ids", "segments", "known", "sd")
@@ -119,19 +119,33 @@ def read_world(path: str) -> Content:
 
 
 def _toml(path: Path) -> dict[str, Any]:
+    text = _text(path)
     try:
-        size = path.stat().st_size
-        if size > LARGEST:
-            raise ParamError(
-                f"{path} has {size / 1e6:.0f} MB: a world file has at most {LARGEST / 1e6:.0f} MB"
-            )
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return parsed(text)
+    except ValueError as e:
+        raise ParamError(f"{path} is not valid TOML: {e}; a world file is like {EXAMPLE}") from e
+
+
+def _text(path: Path) -> str:
+    try:
+        about = path.stat()
+        # A device or a pipe may never end, and the page may name one.
+        endless = stat.S_ISCHR(about.st_mode) or stat.S_ISFIFO(about.st_mode)
+        text = "" if endless or about.st_size > LARGEST else path.read_text(encoding="utf-8")
     except OSError as e:
         raise ParamError(f"{path} can not be opened: {e.strerror or e}") from e
     except UnicodeDecodeError as e:
         raise ParamError(f"{path} is not a text file: give a TOML file like {EXAMPLE}") from e
-    except tomllib.TOMLDecodeError as e:
-        raise ParamError(f"{path} is not valid TOML: {e}; a world file is like {EXAMPLE}") from e
+    except ValueError as e:
+        raise ParamError(f"{str(path)!a} is no path of a file: {e}") from e
+    if endless:
+        raise ParamError(f"{path} is no file: give a TOML file like {EXAMPLE}")
+    if about.st_size > LARGEST:
+        raise ParamError(
+            f"{path} has {about.st_size / 1e6:.0f} MB: a world file has at most "
+            f"{LARGEST / 1e6:.0f} MB"
+        )
+    return text
 
 
 def _list(path: str, key: str, value: Any) -> list[Any]:
@@ -206,7 +220,7 @@ def _known(
 
 def _number(path: str, where: str, value: Any, lo: float, hi: float) -> None:
     good = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not good or not math.isfinite(value) or not lo <= value <= hi:
+    if not good or not lo <= value <= hi:
         raise ParamError(
             f"{path}: {where} has {_shown(value)}: give a finite number from {lo:g} to {hi:g} m"
         )

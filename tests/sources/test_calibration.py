@@ -239,6 +239,8 @@ MISTAKES = [
     ("a.toml", TOML, '"wide-angle"', '"depth camera"', ["depth camera", "choose one of"]),
     ("a.toml", TOML, '"wide-angle"', '"omnidirectional"', ["no polynomial"]),
     ("a.toml", TOML, "kd1 = 9e-6", "kd1 = nan", ["kd1", "finite"]),
+    ("a.toml", TOML, "kd1 = 9e-6", f"kd1 = {'[' * 5000}{']' * 5000}", ["TOML", "nested"]),
+    ("a.toml", TOML, "kd1 = 9e-6", f"kd1 = 1{'0' * 5000}", ["TOML", "thousands of digits"]),
     ("a.toml", TOML, "kd1 = 9e-6", "kd1 = 9e-6\nkd7 = 1", ["kd7"]),
     ("a.toml", TOML, "frame_rate_hz = 25.0", "frame_rate_hz = 0", ["frame_rate_hz", "[0.1, 1000]"]),
     ("a.toml", TOML, "[0.0, 0.0, -0.6]", "[0.0, 0.0]", ["[start] position_m", "3 finite numbers"]),

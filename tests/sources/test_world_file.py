@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -99,6 +100,9 @@ MANY = f"points = [{'[1.0, 2.0],' * 20001}]"
         ("points = [[1, 2]]\nknown = [1, 1]", "known has the id 1, but it is there twice"),
         ("points = [[1, 2]]\nknown = true\nsd = -1.0", "sd has -1.0: give a finite number from 0"),
         ("points = [[1, 2]]\nsd = nan", "sd has nan"),
+        (f"points = {'[' * 5000}{']' * 5000}", "is not valid TOML: its lists are nested too"),
+        (f"points = [[1{'0' * 5000}]]", "is not valid TOML: it has a number of thousands of"),
+        (f"points = [[1{'0' * 400}]]", "points, row 1 has 10+\\.\\.\\.: give a finite number"),
         (MANY, "there are 20001 points: give at most 20000"),
     ],
 )
@@ -117,6 +121,13 @@ def test_a_missing_file_a_folder_and_no_text_are_told(tmp_path: Path) -> None:
     (tmp_path / "image.png").write_bytes(b"\x89PNG\xff\xfe")
     with pytest.raises(ParamError, match="is not a text file"):
         WorldFile(str(tmp_path / "image.png"))
+    os.mkfifo(tmp_path / "pipe")
+    for endless in ("/dev/zero", str(tmp_path / "pipe")):
+        with pytest.raises(ParamError, match="is no file"):
+            WorldFile(endless)
+    for no_path in ("a\0b", "\ud800"):
+        with pytest.raises(ParamError, match="is no path of a file"):
+            WorldFile(no_path)
     with pytest.raises(ParamError, match="has no file: give the path"):
         Simulation(WorldFile(), {}, {}).start()
 
