@@ -314,7 +314,7 @@ class Sensor(ABC):
         """Measurement noise covariance (..., m, m) at predicted measurements h."""
 
     def nu(self, h: Vec, z: Vec) -> Innovation:
-        """z - h; a sensor with angles wraps them to (-pi, pi]."""
+        """z - h and nothing else, dnu/dz = I; a sensor with angles wraps them to (-pi, pi]."""
         eye = np.eye(self.measurement_size)
         return Innovation(z - h, -eye, eye)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from scene_core.arrays import Vec
 from scene_core.geometry.spaces import Space
-from scene_core.models.base import FeatureModel, Sensor
+from scene_core.models.base import FeatureModel, Sensor, completed
 from scene_core.models.judge import (
     Law,
     angles_of,
@@ -107,7 +107,7 @@ def sensor_laws(model: Sensor, rng: np.random.Generator) -> list[Law]:
         turned = model.nu(z, z + 2.0 * np.pi * angles).nu
         problems.append(not_equal("nu after a full turn", turned, np.zeros_like(z)))
         problems.append(judge_jacobians(("dnu_by_dh", "dnu_by_dz"), model.nu, (z[0], z[1]), angles))
-        return first(problems)
+        return first([*problems, not_difference(model, z[0], z[1])])
 
     def visible() -> str:
         X, pose = points(), model.space.identity()
@@ -135,11 +135,24 @@ def sensor_laws(model: Sensor, rng: np.random.Generator) -> list[Law]:
         ("project has the right Jacobians and is of degree zero", projection),
         ("project stays finite everywhere", finite),
         ("backproject inverts project, with unit rays and the right Jacobians", backprojection),
-        ("R is a covariance, nu(h, h) is zero, angles wrap", noise),
+        ("R is a covariance, nu is z - h, angles wrap", noise),
         ("visibility returns fault flags", visible),
         ("h_noisy spreads as R says", noisy),
         ("batched is the same as one by one", batched),
     ]
+
+
+def not_difference(model: Sensor, h: Vec, z: Vec) -> str:
+    """Why nu does not change as z - h does, which the update and the gate take for granted."""
+    by = dict(zip("hz", completed(model.nu(h, z), model.nu, h, z)[1:], strict=True))
+    for name, sign in (("z", 1.0), ("h", -1.0)):
+        wanted = sign * np.eye(model.measurement_size)
+        if wrong := not_equal(f"dnu_by_d{name}", np.asarray(by[name]), wanted, tol=1e-6):
+            return (
+                f"{wrong}: it has to be {'I' if sign > 0 else '-I'}, because H and R are those of "
+                "h and z; return nu = z - h, angles wrapped, and put what bends it into project"
+            )
+    return ""
 
 
 def feature_laws(model: FeatureModel, rng: np.random.Generator) -> list[Law]:

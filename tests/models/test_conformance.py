@@ -158,6 +158,23 @@ class DoesNotWrap(RangeBearing):
 
 
 @dataclass(frozen=True)
+class RelativeError(RangeBearing):
+    def nu(self, h, z):
+        nu = super().nu(h, z).nu
+        return Innovation(nu / [2.0, 1.0], -np.diag([0.5, 1.0]), np.diag([0.5, 1.0]))
+
+
+@dataclass(frozen=True)
+class BentError(RangeBearing):
+    """Says nothing of its Jacobians."""
+
+    def nu(self, h, z):
+        nu = super().nu(h, z).nu
+        nu[..., 0] += 0.5 * nu[..., 0] ** 2
+        return Innovation(nu)
+
+
+@dataclass(frozen=True)
 class QuietNoise(RangeBearing):
     def h_noisy(self, X, k, rng):
         h = self.project(X, k).h
@@ -208,6 +225,8 @@ BROKEN = [
     (LongRays, "backproject", "length of the ray"),
     (ScalarRays, "backproject", "dX_by_dz"),
     (DoesNotWrap, "wrap", "full turn"),
+    (RelativeError, "nu is z - h", "dnu_by_dz is off by 0.5: it has to be I, because"),
+    (BentError, "nu is z - h", "put what bends it into project"),
     (QuietNoise, "h_noisy", "draws"),
     (OneByOne, "one by one", "off by"),
     (DepthAlongZ, "convert", "off by"),
