@@ -15,7 +15,7 @@ import numpy as np
 from scene_core.arrays import Mat, Vec, frozen
 from scene_core.filter.fixed import lost
 from scene_core.filter.gaussian import convert, drop
-from scene_core.filter.world import Gaussian, Instrument, Mount, Robot, World
+from scene_core.filter.world import Feature, Gaussian, Instrument, Label, Mount, Robot, World
 from scene_core.models.base import (
     FeatureModel,
     InternalMeasurementModel,
@@ -138,6 +138,8 @@ def with_sensor(
         *(after.calib0, sds),
     )
     said = ["poses and map kept", *unseen(world, after)]
+    if before.labels != after.labels:
+        world = replace(world, features=unlearnt(world, mount))
     if new.mounts[mount].pose != old.mounts[mount].pose:
         mounts[mount], gauss = turned(mounts[mount], gauss, new.mounts[mount].pose)
     return replace(world, mounts=mounts, gauss=gauss), said
@@ -152,6 +154,15 @@ def turned(mount: Mount, gauss: Gaussian, pose: tuple[float, ...]) -> tuple[Moun
         moved = space.compose(gauss.mean(mount.pose_block), change)
         gauss = convert(gauss, mount.pose_block, moved.x, moved.by_a)
     return replace(mount, pose=frozen(nominal)), gauss
+
+
+def unlearnt(world: World, mount: str) -> dict[Label, Feature]:
+    """The features without what the measurements of a sensor taught their particles: it is told in
+    components that another sensor does not have."""
+    return {
+        label: replace(f, learnt={m: past for m, past in f.learnt.items() if m != mount})
+        for label, f in world.features.items()
+    }
 
 
 def unseen(world: World, sensor: Sensor) -> list[str]:

@@ -376,3 +376,19 @@ def test_a_reading_of_the_wrong_length_is_one_sentence(reading: tuple[float, ...
     ):
         session.advance()
     assert session.frame == -1
+
+
+@pytest.mark.parametrize("name", ["depth camera", "stereo", "range-bearing-elevation"])
+def test_particles_forget_what_another_sensor_taught_them(name: str) -> None:
+    """What is learnt is in components of the measurement: (u, v) say nothing of (u, v, depth)."""
+    session = Session(presets.build("particles"))
+    while not any(f.learnt for f in session.world.features.values()):
+        session.advance()
+    open_before = {i: f for i, f in session.world.features.items() if f.particles is not None}
+    session.apply(SwapModel("estimator.mounts.camera.sensor", name))
+    trace = session.advance()
+    assert open_before and not any(f.learnt for f in trace.start.features.values())
+    for label, feature in open_before.items():
+        assert trace.start.features[label].particles is feature.particles
+    seen = session.world.mounts["camera"].sensor
+    assert {a.h.shape for a in trace.associations()} == {(seen.measurement_size,)}
