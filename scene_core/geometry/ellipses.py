@@ -54,7 +54,7 @@ def nees(e: Vec, P: Mat) -> float:
     has no finite NEES.
     """
     P = np.asarray(P)
-    scale = np.sqrt(np.diagonal(P))
+    scale = np.sqrt(np.maximum(np.diagonal(P), 0.0))
     if not (scale > 0.0).all():
         return float("nan")
     try:

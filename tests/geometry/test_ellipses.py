@@ -83,3 +83,9 @@ def test_contours_lie_at_their_half_width(rng):
     assert points.shape == (3, 16, 2)
     for i in range(3):
         np.testing.assert_allclose(d2(points[i] - mean[i], np.tile(P[i], (16, 1, 1))), 2.5**2)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("variance", [0.0, -1e-18])
+def test_nees_of_what_is_known_exactly_is_nan_without_a_warning(variance: float) -> None:
+    assert np.isnan(nees(np.array([0.1, 0.0]), np.diag([1.0, variance])))
