@@ -55,20 +55,20 @@ class Selected:
         self, cloud: Cloud, states: list[str], selected: Label | None, eye: Vec, near: bool
     ) -> None:
         texts: dict[str, tuple[str, Vec]] = {}
+        places = label_places(cloud)
         i = cloud.labels.index(selected) if selected in cloud.labels else None
         if i is None:
             self.rings.visible = False
         else:
-            at = cloud.positions[i]
             self.rings.points = outline(cloud, i).astype(np.float32)
             self.rings.visible = True
             words = {"nomatch": "no match", "unselected": "not selected", "out": "out of view"}
-            texts["selected"] = (f"{selected} {words.get(states[i], states[i])}", at)
+            texts["selected"] = (f"{selected} {words.get(states[i], states[i])}", places[i])
         if near:
-            away = np.linalg.norm(cloud.positions - eye, axis=1)
+            away = np.linalg.norm(places - eye, axis=1)
             seen = [k for k in np.argsort(away) if states[k] != "out" and k != i]
             for n, k in enumerate(seen[: self.NEAR]):
-                texts[f"near{n}"] = (str(cloud.labels[k]), cloud.positions[k])
+                texts[f"near{n}"] = (str(cloud.labels[k]), places[k])
         self._write(texts)
 
     def _write(self, texts: dict[str, tuple[str, Vec]]) -> None:
@@ -89,6 +89,16 @@ class Selected:
                 label.position = at
 
 
+def label_places(cloud: Cloud) -> Vec:
+    """(N, 3) where to write labels: on the heaviest particle, the first of several, as nothing need
+    be at the mean of particles: that of a ring is its middle."""
+    at, swarm = cloud.positions.copy(), cloud.swarm
+    heaviest = np.flatnonzero(swarm.weights == 1.0)
+    rows, first = np.unique(swarm.rows[heaviest], return_index=True)
+    at[rows] = swarm.positions[heaviest[first]]
+    return at
+
+
 def outline(cloud: Cloud, i: int) -> Vec:
     """White lines (M, 2, 3) about a feature: rings around its ellipsoid, around both ends of a
     segment and along it, or along the particles of what is still open."""
@@ -105,7 +115,8 @@ def outline(cloud: Cloud, i: int) -> Vec:
 
 
 class Sightings:
-    """For sensors without an image: a line from the sensor to every feature it measured."""
+    """For sensors without an image: a line from the sensor to every feature it measured,
+    unless particles still say that it may be in many places."""
 
     def __init__(self, scene: viser.SceneApi) -> None:
         self.node = scene.add_line_segments(
@@ -120,7 +131,8 @@ class Sightings:
         self.node.visible = visible
         if not visible or trace is None:
             return
-        row = {label: i for i, label in enumerate(cloud.labels)}
+        open_rows = set(cloud.swarm.rows.tolist())
+        row = {label: i for i, label in enumerate(cloud.labels) if i not in open_rows}
         segments, colors, judged = [], [], outcomes(trace)
         for mount, m in world.mounts.items():
             if m.sensor.pane == "image":

@@ -15,7 +15,7 @@ from scene_core.models.features.point_3d import EuclideanPoint
 from tests.web.line_runs import house, run, shown
 from web_panels import map_geometry as geo
 from web_panels.clouds import Clouds, places, turned_to
-from web_panels.map_layers import outline
+from web_panels.map_layers import label_places, outline
 
 RNG = np.random.default_rng(5)
 LINES = ("Plücker line", "homogeneous line", "inverse depth line")
@@ -100,6 +100,8 @@ def test_particles_lie_on_their_ray_and_weigh_what_they_weigh() -> None:
         np.testing.assert_allclose(np.linalg.norm(way, axis=1), f.particles.lam[:, 0])
         np.testing.assert_allclose(way @ y[3:], f.particles.lam[:, 0])
         np.testing.assert_allclose(cloud.positions[row], y[:3] + f.particles.w @ way, atol=1e-9)
+        heaviest = cloud.swarm.positions[own][np.argmax(f.particles.w)]
+        np.testing.assert_array_equal(label_places(cloud)[row], heaviest)
         assert (cloud.scales[row] == 0.0).all(), "no ellipsoid hides its particles"
         sizes = cloud.swarm.grains(1.0).scales[own, 0]
         heavy = f.particles.w > 0.02 * f.particles.w.max()

@@ -29,6 +29,7 @@ from web_panels import gate, map_geometry, verdicts
 from web_panels.cameras import read_camera
 from web_panels.clouds import Cloud, Clouds, within_ray
 from web_panels.instances import Instances
+from web_panels.map_layers import Sightings
 from web_panels.map_legend import legend_html
 from web_panels.map_panel import followed
 from web_panels.map_robots import Robots
@@ -253,6 +254,23 @@ def test_the_legend_states_confidence_and_dimension() -> None:
     assert "95 % in 3-D = 2.80 sigma" in legend_html(Look(), 3)
     assert "95 % in 2-D = 2.45 sigma" in legend_html(Look(), 2)
     assert "95 % in 1-D = 1.96 sigma" in legend_html(Look(), 1)
+
+
+def test_no_sighting_ends_in_the_middle_of_an_open_ring(server: viser.ViserServer) -> None:
+    """Every line ends at a measured feature that is known."""
+    p = published("ranges", 12)
+    assert p.trace is not None
+    world = p.trace.world
+    cloud = Clouds().of(world, 0.95, 0.0)
+    is_open = np.isin(np.arange(len(cloud.labels)), cloud.swarm.rows)
+    sightings = Sightings(server.scene)
+    sightings.render(p.trace, world, cloud, visible=True)
+    tips = np.asarray(sightings.node.points)[:, 1]
+    used = [np.isclose(tips, at, atol=1e-4).all(axis=1).any() for at in cloud.positions]
+    judged = [label for _, label in verdicts.outcomes(p.trace)]
+    assert set(np.array(cloud.labels)[is_open]) & set(judged) and not np.any(
+        np.array(used)[is_open]
+    )
 
 
 def test_linear_colours_keep_black_and_white() -> None:
