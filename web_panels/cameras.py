@@ -20,6 +20,8 @@ log = logging.getLogger(__name__)
 
 SAVE_AFTER_S = 0.5
 FOV = math.radians(43.0)
+NARROWEST = 0.4
+"""No view backs away farther than for a canvas of this aspect."""
 ORBIT_RATE = math.radians(12.0)
 
 
@@ -56,6 +58,9 @@ class Cameras:
         """Vertical field of view of the sensor, rad."""
         self._hidden: dict[int, list[viser.FrameHandle]] = {}
         self._asked: dict[int, View] = {}
+        self._aspects: dict[int, float] = {}
+        """Width over height of the canvas each browser's view was last fitted to."""
+        self._resized: set[int] = set()
         self._last: Vec | None = None
         self._when = time.monotonic()
         self._saving: dict[int, asyncio.TimerHandle] = {}
@@ -83,27 +88,39 @@ class Cameras:
             self.modes.clear()
             for client in self.server.get_clients().values():
                 self._hide(client, False)
-                self._set(client, position, target)
+                self._set(client, *self._standing("perspective", bounds, self._fitted(client)))
 
     def refit(self, bounds: Bounds) -> None:
         """The map has outgrown its bounds: new browsers see all of it, and those that never moved
         their camera."""
         assert self.bounds is not None
-        before, _ = self._standing("perspective", self.bounds)
-        self.bounds = bounds
+        before, self.bounds = self.bounds, bounds
         position, target = self._standing("perspective", bounds)
         self.server.initial_camera.position = position
         self.server.initial_camera.look_at = target
         for client in self.server.get_clients().values():
-            if np.linalg.norm(client.camera.position - before) < 1e-3 * bounds.radius:
-                self._set(client, position, target)
+            self._refit(client, before, bounds)
+
+    def _refit(self, client: viser.ClientHandle, before: Bounds, bounds: Bounds) -> None:
+        """Fit a view that was never moved to other bounds or to a canvas of another shape."""
+        was, _ = self._standing("perspective", before, self._aspects.get(client.client_id, 1.0))
+        position, target = self._standing("perspective", bounds, self._fitted(client))
+        if np.linalg.norm(client.camera.position - was) < 1e-3 * bounds.radius:
+            self._set(client, position, target)
+
+    def _fitted(self, client: viser.ClientHandle) -> float:
+        """The aspect of a browser's canvas, remembered as the one its view is fitted to."""
+        aspect = self._aspects[client.client_id] = aspect_of(client.camera)
+        return aspect
 
     def _up(self) -> Vec:
         return np.array([0.0, 1.0, 0.0] if self.up == "y" else [0.0, 0.0, 1.0])
 
-    def _standing(self, view: str, bounds: Bounds) -> tuple[Vec, Vec]:
+    def _standing(self, view: str, bounds: Bounds, aspect: float = 1.0) -> tuple[Vec, Vec]:
+        """Where to stand and look at. The field of view is a vertical one: in front of a canvas
+        higher than wide, of aspect < 1, one stands 1/aspect times as far away."""
         d = directions(self.up)[view]
-        away = self.distance * bounds.radius / float(np.linalg.norm(d))
+        away = self.distance * max(1.0, 1.0 / aspect) * bounds.radius / float(np.linalg.norm(d))
         return bounds.centre + away * d, bounds.centre
 
     def _set(self, client: viser.ClientHandle, position: Vec, target: Vec) -> None:
@@ -131,6 +148,10 @@ class Cameras:
             self.modes.pop(client_id, None)
             if client_id in clients:
                 self._begin(clients[client_id], view, robot, bounds)
+        while self._resized:
+            client = clients.get(self._resized.pop())
+            if client is not None and self.bounds is not None:
+                self._refit(client, self.bounds, self.bounds)
         step = np.zeros(3) if self._last is None else robot - self._last
         self._last = robot.copy()
         for client_id, view in list(self.modes.items()):
@@ -142,7 +163,7 @@ class Cameras:
         self._hide(client, view == "eye")
         client.camera.fov = self.eye_fov if view == "eye" else FOV
         if view in ("perspective", "top", "side"):
-            self._set(client, *self._standing(view, bounds))
+            self._set(client, *self._standing(view, bounds, self._fitted(client)))
             return
         self.modes[client.client_id] = view
         if view == "follow":
@@ -169,7 +190,7 @@ class Cameras:
     @property
     def moving(self) -> bool:
         """Whether some camera moves by itself or waits to be moved."""
-        return bool(self._asked) or "orbit" in self.modes.values()
+        return bool(self._asked or self._resized) or "orbit" in self.modes.values()
 
     def _connected(self, client: viser.ClientHandle) -> None:
         """Give a browser that was here before its camera back (on a thread of viser's pool)."""
@@ -181,11 +202,14 @@ class Cameras:
         kept = read_camera(text, self.run_name)
         if kept is not None:
             self._set(client, *kept)
+        self._resized.add(client.client_id)
         client.camera.on_update(self._remember)
 
     async def _remember(self, camera: viser.CameraHandle) -> None:
         """Keep the camera once it has come to rest, or now and then while it moves."""
         client = camera.client
+        if abs(aspect_of(camera) / self._aspects.get(client.client_id, 1.0) - 1.0) > 0.01:
+            self._resized.add(client.client_id)
         if client.client_id not in self._saving:
             loop = asyncio.get_running_loop()
             self._saving[client.client_id] = loop.call_later(SAVE_AFTER_S, self._save, client)
@@ -200,11 +224,16 @@ class Cameras:
         client.local_storage.set_item("scene-camera", json.dumps(kept))
 
     async def _gone(self, client: viser.ClientHandle) -> None:
-        for book in (self.modes, self._asked, self._hidden):
+        for book in (self.modes, self._asked, self._hidden, self._aspects):
             book.pop(client.client_id, None)
         timer = self._saving.pop(client.client_id, None)
         if timer is not None:
             timer.cancel()
+
+
+def aspect_of(camera: viser.CameraHandle) -> float:
+    """Width over height of the canvas, held at `NARROWEST` while next to nothing of it shows."""
+    return max(camera.image_width / max(camera.image_height, 1), NARROWEST)
 
 
 def read_camera(text: str | None, run_name: str) -> tuple[Vec, Vec] | None:

@@ -26,7 +26,7 @@ from scene_core.sources.worlds import in_axes
 from tests.web.fakes import published
 from tests.web.test_gate import free_port
 from web_panels import gate, map_geometry, verdicts
-from web_panels.cameras import read_camera
+from web_panels.cameras import Cameras, read_camera
 from web_panels.clouds import Cloud, Clouds, within_ray
 from web_panels.instances import Instances
 from web_panels.map_layers import Sightings
@@ -248,6 +248,18 @@ def test_a_kept_camera_is_read() -> None:
     kept = read_camera(text, "room")
     assert kept is not None
     assert kept[0].tolist() == [0, 1, 2] and kept[1].tolist() == [3, 4, 5]
+
+
+def test_the_perspective_shows_as_much_at_the_sides_as_above(server: viser.ViserServer) -> None:
+    """distance min(1, aspect) is that of a square canvas, which a wide one keeps."""
+    cameras = Cameras(server)
+    bounds = map_geometry.Bounds(np.array([-1.0, -2.0, 0.0]), np.array([3.0, 2.0, 1.0]))
+    for view in ("perspective", "top", "side"):
+        square, target = cameras._standing(view, bounds, 1.0)
+        np.testing.assert_array_equal(target, bounds.centre)
+        for aspect in (0.5, 0.73, 1.6):
+            at, _ = cameras._standing(view, bounds, aspect)
+            np.testing.assert_allclose((at - target) * min(1.0, aspect), square - target)
 
 
 def test_the_legend_states_confidence_and_dimension() -> None:
