@@ -7,7 +7,7 @@ import viser
 from scene_core.session.commands import Abandon
 from scene_core.session.published import Light, Published
 from web_panels import style
-from web_panels.map_legend import legend_html
+from web_panels.map_legend import legend_of
 from web_panels.panel import Page, Post
 from web_panels.style import HEX, PHASES, escape
 from web_panels.widgets import on_press
@@ -143,7 +143,7 @@ class Head:
     def render(self, p: Published) -> None:
         look = self.page.look
         self.sheet.content = style.STYLE_SHEET + (style.LARGE_TYPE if look.large else "")
-        self.legend.content = legend_html(look, p.experiment.estimator.policies.landmark.space.d)
+        self.legend.content = legend_of(p, look)
         self.html.content = head_html(p, self.page)
         if self.abandon.visible != (p.busy is not None):
             self.abandon.visible = p.busy is not None

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from scene_core.geometry.ellipses import sigma
+from scene_core.session.published import Published
 from web_panels import style
 from web_panels.panel import Look
 from web_panels.style import legend
 
-MAP_LEGEND = (
-    ("line", "truth", "truth"),
-    ("line", "estimate", "estimate"),
+Items = tuple[tuple[str, str, str], ...]
+
+VERDICTS: Items = (
     ("dot", "accepted", "accepted"),
     ("dot", "nomatch", "no match"),
     ("dot", "rejected", "rejected"),
     ("dot", "unselected", "not selected"),
     ("dot", "out", "out of view"),
-    ("ray", "partial", "new; ray: depth open"),
 )
+NEW: Items = (("ray", "partial", "new; ray: depth open"),)
 
 PLACE_LEGEND = """(()=>{const id='scene-legend',m=document.getElementById('scene-legend-source');
 let d=document.getElementById(id);if(!m)return;if(!d){d=document.createElement('div');d.id=id;
@@ -33,17 +36,34 @@ def confidence_words(look: Look, d: int) -> str:
     return f"{100 * look.confidence:g} % in {d}-D = {sigma(d, look.confidence):.2f} sigma"
 
 
-def legend_html(look: Look, d: int) -> str:
-    """The legend of the map, and the script that puts it there."""
+def legend_of(p: Published, look: Look) -> str:
+    """The legend of what an experiment shows on the map."""
+    landmark = p.experiment.estimator.policies.landmark
+    robots = tuple(p.experiment.estimator.robots)
+    return legend_html(look, landmark.space.d, robots, landmark.free_labels)
+
+
+def legend_html(
+    look: Look, d: int, robots: Sequence[str] = (), free_labels: Sequence[str] = ()
+) -> str:
+    """The legend of the map, and the script that puts it there; of several robots each has its
+    colour, and particles carry the `free_labels` of partial landmarks."""
+    lines: Items = (("line", "truth", "truth"), ("line", "estimate", "estimate"))
+    if len(robots) > 1:
+        each = ((style.robot_key(i), style.escape(name)) for i, name in enumerate(robots))
+        lines = (lines[0], *(("line", key, f"estimate of {name}") for key, name in each))
     if look.colour == "correlation":
-        items = (
-            ("line", "truth", "truth"),
-            ("line", "estimate", "estimate"),
+        items: Items = (
+            *lines,
             ("dot", "out", "correlation 0"),
             ("dot", "unselected", "1 with the selected"),
         )
+    elif free_labels:
+        words = f"grains: {style.escape(' and '.join(free_labels))} open, coloured alike"
+        new: Items = NEW if "bearing" not in free_labels else (("dot", "partial", "new"),)
+        items = (*lines, *VERDICTS, *new, ("grains", "ink", words))
     else:
-        items = MAP_LEGEND
+        items = (*lines, *VERDICTS, *NEW)
     inner = (
         '<div class="e" style="text-align:center"><div class="maplegend">'
         f'{legend(items)}<span class="lg">ellipsoids {confidence_words(look, d)}</span></div></div>'

@@ -21,6 +21,9 @@ C: Mapping[str, RGB] = {
     "partial": (62, 208, 196),
     "truth": (250, 216, 70),
     "estimate": (64, 206, 112),
+    "robot 2": (166, 148, 255),
+    "robot 3": (190, 214, 84),
+    "robot 4": (255, 156, 128),
     "white": (255, 255, 255),
     "ink": (222, 228, 236),
     "dim": (133, 146, 164),
@@ -31,8 +34,8 @@ C: Mapping[str, RGB] = {
 
 HEX: Mapping[str, str] = {k: "#{:02x}{:02x}{:02x}".format(*v) for k, v in C.items()}
 
-ROBOTS: tuple[RGB, ...] = (C["estimate"], (166, 148, 255), (190, 214, 84), (255, 156, 128))
-"""Colours of the estimated robots, in their order."""
+ROBOTS = ("estimate", "robot 2", "robot 3", "robot 4")
+"""Palette keys of the estimated robots, in their order."""
 
 STATE_OF_VERDICT: Mapping[Verdict, str] = {
     "accepted": "accepted",
@@ -147,6 +150,8 @@ SWATCHES: Mapping[str, str] = {
     "thin": '<ellipse cx="9" cy="7" rx="7.5" ry="5" fill="none" stroke="{c}"/>',
     "dot": '<circle cx="9" cy="7" r="4.5" fill="{c}"/>',
     "small": '<circle cx="9" cy="7" r="2.2" fill="{c}"/>',
+    "grains": '<circle cx="4" cy="10" r="1.6" fill="{c}"/><circle cx="9" cy="7" r="2.6" '
+    'fill="{c}"/><circle cx="14.5" cy="4" r="1.9" fill="{c}"/>',
     "line": '<path d="M1 7H17" stroke="{c}" stroke-width="2.5"/>',
     "cross": '<path d="M9 2V12M4 7H14" stroke="{c}" stroke-width="2"/>',
     "ray": '<path d="M2 12L16 3" stroke="{c}" stroke-width="1.5"/><circle cx="11" cy="6.2" r="3" '
@@ -210,6 +215,11 @@ def gate_words(d2: float, gate: float, dof: int, confidence: float) -> str:
 
 def robot_colour(i: int) -> RGB:
     """The colour of the i-th robot of an experiment."""
+    return C[robot_key(i)]
+
+
+def robot_key(i: int) -> str:
+    """The palette key of the i-th robot of an experiment."""
     return ROBOTS[i % len(ROBOTS)]
 
 

@@ -30,11 +30,11 @@ from web_panels.cameras import Cameras, read_camera
 from web_panels.clouds import Cloud, Clouds, within_ray
 from web_panels.instances import Instances
 from web_panels.map_layers import Sightings
-from web_panels.map_legend import legend_html
+from web_panels.map_legend import legend_html, legend_of
 from web_panels.map_panel import followed
 from web_panels.map_robots import Robots
 from web_panels.panel import Look
-from web_panels.style import C, linear
+from web_panels.style import HEX, C, linear, robot_colour
 
 RNG = np.random.default_rng(1)
 
@@ -283,6 +283,16 @@ def test_no_sighting_ends_in_the_middle_of_an_open_ring(server: viser.ViserServe
     assert set(np.array(cloud.labels)[is_open]) & set(judged) and not np.any(
         np.array(used)[is_open]
     )
+
+
+def test_the_legend_has_every_colour_of_the_robots_and_says_what_grains_are() -> None:
+    one = legend_of(published("ranges", 1), Look())
+    assert "bearing open" in one and "ray: depth" not in one and HEX["robot 2"] not in one
+    for colour in ("verdict", "correlation"):
+        two = legend_of(published("two_robots", 1), Look(colour=colour))
+        for i in (0, 1):
+            assert "#{:02x}{:02x}{:02x}".format(*robot_colour(i)) in two
+    assert "grains" not in two
 
 
 def test_linear_colours_keep_black_and_white() -> None:
