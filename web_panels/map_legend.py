@@ -20,6 +20,8 @@ VERDICTS: Items = (
     ("dot", "out", "out of view"),
 )
 NEW: Items = (("ray", "partial", "new; ray: depth open"),)
+DEPTHS = {"lambda": "depth", "rho": "depth"}
+"""What particles along a ray are labelled, in the word of the legend."""
 
 PLACE_LEGEND = """(()=>{const id='scene-legend',m=document.getElementById('scene-legend-source');
 let d=document.getElementById(id);if(!m)return;if(!d){d=document.createElement('div');d.id=id;
@@ -59,8 +61,9 @@ def legend_html(
             ("dot", "unselected", "1 with the selected"),
         )
     elif free_labels:
-        words = f"grains: {style.escape(' and '.join(free_labels))} open, coloured alike"
-        new: Items = NEW if "bearing" not in free_labels else (("dot", "partial", "new"),)
+        free = dict.fromkeys(DEPTHS.get(label, label) for label in free_labels)
+        words = f"grains: {style.escape(' and '.join(free))} open, coloured by verdict"
+        new: Items = NEW if "depth" in free else (("dot", "partial", "new"),)
         items = (*lines, *VERDICTS, *new, ("grains", "ink", words))
     else:
         items = (*lines, *VERDICTS, *NEW)

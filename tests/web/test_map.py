@@ -288,6 +288,8 @@ def test_no_sighting_ends_in_the_middle_of_an_open_ring(server: viser.ViserServe
 def test_the_legend_has_every_colour_of_the_robots_and_says_what_grains_are() -> None:
     one = legend_of(published("ranges", 1), Look())
     assert "bearing open" in one and "ray: depth" not in one and HEX["robot 2"] not in one
+    rays = legend_html(Look(), 3, ("robot",), ("rho",))
+    assert "grains: depth open" in rays and "ray: depth open" in rays
     for colour in ("verdict", "correlation"):
         two = legend_of(published("two_robots", 1), Look(colour=colour))
         for i in (0, 1):
