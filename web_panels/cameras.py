@@ -103,10 +103,12 @@ class Cameras:
 
     def _refit(self, client: viser.ClientHandle, before: Bounds, bounds: Bounds) -> None:
         """Fit a view that was never moved to other bounds or to a canvas of another shape."""
-        was, _ = self._standing("perspective", before, self._aspects.get(client.client_id, 1.0))
-        position, target = self._standing("perspective", bounds, self._fitted(client))
-        if np.linalg.norm(client.camera.position - was) < 1e-3 * bounds.radius:
-            self._set(client, position, target)
+        camera, view = client.camera, "perspective"
+        for aspect in (self._aspects.get(client.client_id, 1.0), aspect_of(camera)):
+            was, _ = self._standing(view, before, aspect)
+            if np.linalg.norm(camera.position - was) < 1e-3 * bounds.radius:
+                self._set(client, *self._standing(view, bounds, self._fitted(client)))
+                return
 
     def _fitted(self, client: viser.ClientHandle) -> float:
         """The aspect of a browser's canvas, remembered as the one its view is fitted to."""
