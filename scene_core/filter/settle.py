@@ -37,10 +37,11 @@ def settled(world: World, mount: str, match: Match) -> World | None:
     successor = feature.model.successor()
     assert successor is not None
     gauss = placed(world.gauss, feature, WIDER)
-    features = {
-        **world.features,
-        label: replace(feature, model=successor, particles=None, learnt={}),
-    }
+    # What its particles agreed with speaks for all of them: the place they settled at, which may be
+    # the mirror image, is judged by what comes from now on.
+    counters = dict(attempts=0, matches=0, updates=0)
+    settled = replace(feature, model=successor, particles=None, learnt={}, **counters)
+    features = {**world.features, label: settled}
     world = replace(world, gauss=gauss, features=features)
     at = sensor_state(world, mount)
     h, found = against(at, groups(world, [label])[0], gauss.x, [match])
