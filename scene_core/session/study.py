@@ -35,14 +35,14 @@ REASONS: Mapping[str, str] = {
     "omnidirectional": "a point or two in a run come back into view from behind the robot far "
     "outside their gate and are given up; they make the NIS. The toolbox has 13.3 at the end and "
     "10.3 in the mean.",
-    "particles": "the particles of one landmark learn its depth from the same poses that the filter "
+    "particles": "the particles of a landmark learn its depth from the same poses that the filter "
     "corrects, and the point they settle on is correlated with those poses only as far as the "
     "particles kept account of it; the same run with inverse depth is nearer to its band.",
     "ranges": "in some runs a ring of particles settles on the mirror image of its landmark before "
     "the robot has turned enough; the point is then rejected ten times and given up, but what was "
     "accepted of it stays in the robot's pose.",
-    "calibration": "the true values are fixed at 1 to 2 sd from the belief instead of being drawn, so "
-    "that over seeds one of six may be nearer to its estimate than its sd says.",
+    "calibration": "the true values are fixed at 1 to 2 sd from the belief instead of being drawn, "
+    "so that over seeds one of six may be nearer to its estimate than its sd says.",
 }
 """Why the NEES of a scenario is outside its band: an EKF's limit is a fact to show."""
 
