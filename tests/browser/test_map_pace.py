@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page
 
-from web_panels.map_pace import SLOW_MS, pace_html
+from web_panels.map_pace import LONGEST_REST_MS, SLOW_MS, pace_html
 
 RENDERER = """(took) => {
   const scene = {}, canvas = document.createElement('canvas');
@@ -90,6 +90,21 @@ def test_the_hand_on_the_map_lets_no_picture_rest(paced: Page) -> None:
     paced.evaluate("drawn.length = 0")
     free, _, _ = play(paced)
     assert took - 2.0 <= np.median(np.diff(held)) < np.median(np.diff(free))
+
+
+def test_a_slow_map_waits_for_the_answer_to_a_control_but_not_for_ever(paced: Page) -> None:
+    took = 2.0 * SLOW_MS
+    install(paced, took)
+    paced.evaluate("document.body.appendChild(document.createElement('input')).id = 'slider'")
+    play(paced, 0.3)
+    paced.evaluate(
+        "window.dragging = setInterval(() => document.getElementById('slider')"
+        ".dispatchEvent(new Event('input', {bubbles: true})), 30); drawn.length = 0"
+    )
+    drawn, _, _ = play(paced)
+    paced.evaluate("clearInterval(dragging)")
+    assert 1 <= len(drawn) <= 3
+    assert np.all(np.diff(drawn) >= 2.0 * LONGEST_REST_MS - 2.0)
 
 
 def test_another_size_is_drawn_at_once(paced: Page) -> None:
