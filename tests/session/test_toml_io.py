@@ -105,7 +105,7 @@ def test_every_parameter_is_explained_and_keys_carry_units() -> None:
     text = toml_io.dumps(experiment)
     for spec in params.schema(experiment.estimator):
         assert spec.help, f"{spec.path} has no help text"
-    assert "sd_accel_m_per_s2 = 2.0" in text and "kd1_per_px2 = " in text
+    assert "sd_accel_m_per_s2 = 1.0" in text and "kd1_per_px2 = " in text
     motion = tomllib.loads(text)["estimator"]["robots"]["hand"]["motion"]
     assert motion["model"] == "impulse"
 
