@@ -61,8 +61,8 @@ def room() -> Experiment:
     return simulated(
         "room",
         ABOUT["room"],
-        # A repeat fine enough to be taken for its neighbour now and then. A livelier hand (1.5 m/s²,
-        # 3.5 rad/s²) before a finer one (0.08 m) is lost in 2 of 20 runs.
+        # A repeat fine enough to be taken for its neighbour now and then. A livelier hand
+        # (1.5 m/s², 3.5 rad/s²) before a finer one (0.08 m) is lost in 2 of 20 runs.
         TexturedRoom(pattern=0.11),
         {"hand": _hand()},
         {"camera": eye._replace(true=replace(eye.true, sensor=replace(camera, border=0.0)))},
