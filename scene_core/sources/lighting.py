@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from scene_core.arrays import Vec
-from scene_core.sources.painting import Canvas
+from scene_core.sources.canvas import Canvas
 
 Box = tuple[Vec, Vec]
 

@@ -14,8 +14,10 @@ from scene_core.geometry.spaces import THREE_D
 from scene_core.models.base import Fault, Sensor
 from scene_core.sources import noise
 from scene_core.sources.corners import detect_corners
-from scene_core.sources.render import Rendering, hit, rays_of, render, scene_of
+from scene_core.sources.pixel_rays import rays_of
+from scene_core.sources.render import Rendering, render
 from scene_core.sources.room import TexturedRoom
+from scene_core.sources.textured_scene import hit, scene_of
 from scene_core.sources.vision import Patch, extract, search_patches
 
 

@@ -9,7 +9,6 @@ Textures are filtered over two levels of a pyramid (trilinear), so that far surf
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import cv2
@@ -17,22 +16,15 @@ import numpy as np
 
 from scene_core.arrays import Vec
 from scene_core.geometry import quaternion
-from scene_core.models.base import Sensor
 from scene_core.params import param
-from scene_core.sources.room import Surface, TexturedRoom
+from scene_core.sources.pixel_rays import Rays
+from scene_core.sources.textured_scene import LEVELS, PAD, Scene
 
-LEVELS = 5
-"""Of every texture's pyramid."""
-_PAD = 4
-"""Texels by which a texture is continued in the atlas, at every level."""
 _CELL = 16
 """Pixels between the rays of the coarse grid that tells which surfaces are in view."""
 _STEP = 1.0
 """Pixels between the images an exposure is made of."""
 _MAX_SAMPLES = 12
-_DARKEST = 1.2
-"""Radians off the axis beyond which the image gets no darker; a wide lens spreads its fall-off so
-that its last ray is here."""
 
 
 @dataclass(frozen=True)
@@ -49,113 +41,6 @@ class Rendering:
     """Standard deviation of every pixel's own noise, grey levels."""
     blur: float = param(0.5, unit="px", lo=0.0, hi=10.0, soft=(0.0, 3.0), label="Lens blur")
     """Width (one sigma) of the spot that a point makes on the sensor."""
-
-
-class Rays(NamedTuple):
-    """The pixels of a camera as rays."""
-
-    d: np.ndarray
-    """Unit rays (3, height, width), float32, in the camera's frame."""
-    log_size: np.ndarray
-    """log2 of the angle of a pixel [rad] (height, width), float32."""
-    shade: np.ndarray
-    """What the lens lets through (height, width), float32."""
-    focal: float
-    """Pixels per radian in the middle of the image."""
-
-
-class Scene(NamedTuple):
-    """All surfaces, ready to be looked at."""
-
-    surfaces: tuple[Surface, ...]
-    n: np.ndarray
-    """Unit normals (S, 3)."""
-    corner: np.ndarray
-    right: np.ndarray
-    """Texture axes in texels: (S, 3), divided by the size of a texel."""
-    down: np.ndarray
-    size: np.ndarray
-    """Texels (S, 2): columns, rows."""
-    is_wall: np.ndarray
-    atlas: np.ndarray
-    """uint8 grey image that holds all pyramids, one below the other; level j of each starts in
-    column 2 pitch (1 - 2^-j)."""
-    pitch: float
-    top: np.ndarray
-    """Row (S,) in the atlas where a surface's pyramid starts, float32."""
-
-
-@lru_cache(maxsize=4)
-def rays_of(sensor: Sensor, calib: tuple[float, ...]) -> Rays:
-    """Rays through the centres of all pixels of a camera; the centre of the first is (0, 0)."""
-    (_, width), (_, height) = sensor.limits
-    v, u = np.mgrid[-1 : height + 1, -1 : width + 1]
-    z = np.stack([u, v], axis=-1).reshape(-1, 2)
-    X = sensor.backproject(z, np.zeros((len(z), 1)), np.array(calib)).X
-    reached = np.abs(sensor.project(X, np.array(calib)).h - z).max(axis=1) < 0.5
-    d = X[:, :3].reshape(*u.shape, 3)
-    du = 0.5 * (d[1:-1, 2:] - d[1:-1, :-2])
-    dv = 0.5 * (d[2:, 1:-1] - d[:-2, 1:-1])
-    size = np.sqrt(np.linalg.norm(np.cross(du, dv), axis=-1))
-    inner = d[1:-1, 1:-1]
-    return Rays(
-        d=np.ascontiguousarray(np.moveaxis(inner, -1, 0), dtype=np.float32),
-        log_size=np.log2(np.maximum(size, 1e-9)).astype(np.float32),
-        shade=_shade(inner[..., 2], reached.reshape(u.shape)[1:-1, 1:-1]).astype(np.float32),
-        focal=float(1.0 / size[size.shape[0] // 2, size.shape[1] // 2]),
-    )
-
-
-def _shade(cos: np.ndarray, reached: np.ndarray) -> np.ndarray:
-    """cos^1.5 of the angle to the axis, as with a flat image; nothing where no ray arrives."""
-    last = np.arccos(cos[reached].min(initial=1.0).clip(-1.0, 1.0))
-    if last > _DARKEST:
-        cos = np.cos(np.arccos(cos.clip(-1.0, 1.0)) * (_DARKEST / last))
-    return np.clip(cos, 0.0, 1.0) ** 1.5 * reached
-
-
-@lru_cache(maxsize=4)
-def scene_of(room: TexturedRoom) -> Scene:
-    """The room's surfaces with their textures in one atlas."""
-    surfaces = room.surfaces()
-    chains = [_pyramid(s.texture) for s in surfaces]
-    widest = max(chain[0].shape[1] for chain in chains) + 2 * _PAD * 2**LEVELS
-    pitch = -(-widest // 2**LEVELS) * 2**LEVELS
-    tops = np.cumsum([0, *(chain[0].shape[0] for chain in chains)])
-    atlas = np.zeros((int(tops[-1]), 2 * pitch), np.uint8)
-    for top, chain in zip(tops, chains, strict=False):
-        for j, level in enumerate(chain):
-            left = 2 * pitch - 2 * pitch // 2**j
-            atlas[top : top + level.shape[0], left : left + level.shape[1]] = level
-    size = np.array([s.texture.shape[1::-1] for s in surfaces])
-    metres = np.array([(s.width, s.height) for s in surfaces])
-    scale = size / metres
-    return Scene(
-        surfaces=surfaces,
-        n=np.array([s.normal for s in surfaces]),
-        corner=np.array([s.corner for s in surfaces]),
-        right=np.array([s.right for s in surfaces]) * scale[:, :1],
-        down=np.array([s.down for s in surfaces]) * scale[:, 1:],
-        size=size,
-        is_wall=np.array([s.is_wall for s in surfaces]),
-        atlas=atlas,
-        pitch=float(pitch),
-        top=tops[:-1].astype(np.float32),
-    )
-
-
-def _pyramid(texture: np.ndarray) -> list[np.ndarray]:
-    """Grey levels of a texture, each half the size of the one before, continued on all sides."""
-    level = cv2.cvtColor(texture, cv2.COLOR_RGB2GRAY)
-    out = []
-    for _ in range(LEVELS):
-        out.append(cv2.copyMakeBorder(level, _PAD, _PAD, _PAD, _PAD, cv2.BORDER_REPLICATE))
-        rows, columns = level.shape
-        even = cv2.copyMakeBorder(level, 0, rows % 2, 0, columns % 2, cv2.BORDER_REPLICATE)
-        level = cv2.resize(
-            even, (even.shape[1] // 2, even.shape[0] // 2), interpolation=cv2.INTER_AREA
-        )
-    return out
 
 
 def render(
@@ -318,7 +203,7 @@ def _sampled(
     r = np.reciprocal(s)
     u, v = us * r, vs * r
     # Texel i of level 0 has its centre at i + 1/2; level j starts in column 2 pitch (1 - 2^-j).
-    start, edge = np.float32(2.0 * scene.pitch), np.float32(_PAD - 0.5)
+    start, edge = np.float32(2.0 * scene.pitch), np.float32(PAD - 0.5)
     u -= start
     top = top + edge
     near = cv2.remap(scene.atlas, u * half + (start + edge), v * half + top, cv2.INTER_LINEAR)
@@ -330,30 +215,3 @@ def _sampled(
 
 
 _HALF = (0.5 ** np.arange(LEVELS)).astype(np.float32)
-
-
-def hit(scene: Scene, pose: Vec, ray: Vec) -> Vec | None:
-    """The place (3,) in the room that a ray (3,) of a camera at `pose` meets first."""
-    R, p = quaternion.matrix(pose[3:]), pose[:3]
-    d = R @ ray
-    gap = ((p - scene.corner) * scene.n).sum(1)
-    toward = -(scene.n @ d)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        r = np.where((gap > 0) & (toward > 1e-9), gap / toward, np.inf)
-    for i in np.argsort(r):
-        if not np.isfinite(r[i]):
-            return None
-        at = p + r[i] * d
-        texel = np.array([scene.right[i], scene.down[i]]) @ (at - scene.corner[i])
-        if scene.is_wall[i] or ((texel >= 0) & (texel <= scene.size[i])).all():
-            return at
-    return None
-
-
-def visible(scene: Scene, position: Vec, place: Vec) -> bool:
-    """Whether nothing stands between a camera at `position` (3,) and a place (3,)."""
-    way = place - position
-    distance = float(np.linalg.norm(way))
-    pose = np.concatenate([position, [1.0, 0.0, 0.0, 0.0]])
-    first = hit(scene, pose, way / distance)
-    return first is not None and float(np.linalg.norm(first - position)) > distance - 1e-3

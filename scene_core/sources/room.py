@@ -13,9 +13,9 @@ from scene_core.arrays import Mat, Vec, frozen
 from scene_core.geometry import quaternion
 from scene_core.geometry.spaces import THREE_D, Space
 from scene_core.params import param
-from scene_core.sources import painting
+from scene_core.sources import painting, wall_art
+from scene_core.sources.canvas import WALL, WOOD, Canvas
 from scene_core.sources.lighting import lit
-from scene_core.sources.painting import WALL, WOOD, Canvas
 from scene_core.sources.worlds import SimulatedWorld
 
 SIZE = (6.0, 5.0, 2.6)
@@ -160,22 +160,22 @@ def _plaster(width: float, seed: int) -> Canvas:
 def _poster_wall() -> Canvas:
     c = _plaster(SIZE[0], 11)
     x, z, w, h = POSTER
-    painting.poster(c, x + SIZE[0] / 2, SIZE[2] - z, w, h)
-    painting.framed(c, 0.95, 0.62, 0.8, 0.58, "hills")
-    painting.framed(c, 1.12, 1.42, 0.46, 0.36, "letters")
-    painting.framed(c, 0.28, 0.66, 0.42, 0.56, "rings")
-    painting.framed(c, 3.92, 0.6, 0.5, 0.68, "blocks")
-    painting.framed(c, 4.72, 0.72, 0.9, 0.62, "chart")
+    wall_art.poster(c, x + SIZE[0] / 2, SIZE[2] - z, w, h)
+    wall_art.framed(c, 0.95, 0.62, 0.8, 0.58, "hills")
+    wall_art.framed(c, 1.12, 1.42, 0.46, 0.36, "letters")
+    wall_art.framed(c, 0.28, 0.66, 0.42, 0.56, "rings")
+    wall_art.framed(c, 3.92, 0.6, 0.5, 0.68, "blocks")
+    wall_art.framed(c, 4.72, 0.72, 0.9, 0.62, "chart")
     painting.clock(c, 3.0, 0.46, 0.16)
     return c
 
 
 def _bookcase_wall() -> Canvas:
     c = _plaster(SIZE[1], 12)
-    painting.framed(c, 0.35, 0.6, 0.62, 0.84, "triangles")
-    painting.framed(c, 1.2, 0.72, 0.38, 0.5, "letters")
-    painting.framed(c, 3.62, 0.62, 0.95, 0.66, "blocks")
-    painting.framed(c, 3.8, 1.5, 0.56, 0.4, "rings")
+    wall_art.framed(c, 0.35, 0.6, 0.62, 0.84, "triangles")
+    wall_art.framed(c, 1.2, 0.72, 0.38, 0.5, "letters")
+    wall_art.framed(c, 3.62, 0.62, 0.95, 0.66, "blocks")
+    wall_art.framed(c, 3.8, 1.5, 0.56, 0.4, "rings")
     return c
 
 
@@ -183,8 +183,8 @@ def _patterned_wall(period: float) -> Canvas:
     c = Canvas(SIZE[0], SIZE[2], DENSITY, WALL, 13)
     painting.wallpaper(c, period)
     c.rectangle(0, SIZE[2] - 0.1, SIZE[0], 0.1, (206, 200, 190))
-    painting.framed(c, 1.0, 0.66, 0.66, 0.5, "chart")
-    painting.framed(c, 4.3, 0.6, 0.6, 0.8, "hills")
+    wall_art.framed(c, 1.0, 0.66, 0.66, 0.5, "chart")
+    wall_art.framed(c, 4.3, 0.6, 0.6, 0.8, "hills")
     return c
 
 
@@ -192,7 +192,7 @@ def _window_wall() -> Canvas:
     c = _plaster(SIZE[1], 14)
     painting.window(c, 1.75, 0.62, 1.5, 1.15)
     painting.door(c, 0.25, 0.86, 2.05)
-    painting.framed(c, 3.98, 0.7, 0.62, 0.46, "triangles")
+    wall_art.framed(c, 3.98, 0.7, 0.62, 0.46, "triangles")
     return c
 
 

@@ -21,18 +21,11 @@ from scene_core.models.sensors.wide_angle import WideAngle
 from scene_core.sources import noise
 from scene_core.sources.handheld import HandHeld
 from scene_core.sources.pictures import projected
-from scene_core.sources.render import (
-    Rendering,
-    Scene,
-    hit,
-    look,
-    rays_of,
-    render,
-    scene_of,
-    visible,
-)
+from scene_core.sources.pixel_rays import rays_of
+from scene_core.sources.render import Rendering, look, render
 from scene_core.sources.room import SIZE, Surface, TexturedRoom, poster_corners
 from scene_core.sources.simulated import Simulation, TrueMount, TrueRobot
+from scene_core.sources.textured_scene import Scene, hit, scene_of, visible
 
 PINHOLE = Pinhole(u0=159.5, v0=119.5, f_u=210.0, f_v=210.0, distortion=(-0.12, 0.02))
 WIDE = WideAngle()
