@@ -43,6 +43,10 @@ class Preset:
     """The flags that name the files."""
     group: str = ""
     """The heading it is listed under."""
+    frames: int = 0
+    """How long one run is when statistics are taken."""
+    reason: str = ""
+    """Why its NEES is outside its band; empty: it is inside."""
 
 
 SIMULATED = (
@@ -63,10 +67,10 @@ ABOUT: Mapping[str, str] = {
 
 PRESETS: Mapping[str, Preset] = {
     **{
-        name: Preset(name, ABOUT[name], make, group=group)
+        name: Preset(name, ABOUT[name], one.make, "", group, one.frames, one.reason)
         for group, modules in SIMULATED
         for module in modules
-        for name, make in module.SCENARIOS.items()
+        for name, one in module.SCENARIOS.items()
     },
     **{name: Preset(name, ABOUT[name], None, flags, FILES) for name, flags in NEEDS.items()},
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 from scene_core.filter.policies import Association, Gate, Management, Policies, Selection, Update
@@ -16,6 +16,7 @@ from scene_core.session.config import Experiment, KnownFeature
 from scene_core.session.presets_parts import (
     OWN_AXES,
     RobotParts,
+    Scenario,
     known_points,
     mount,
     robot,
@@ -117,7 +118,7 @@ def _pinhole() -> Pinhole:
     )
 
 
-SCENARIOS: Mapping[str, Callable[[], Experiment]] = {
-    "room": room,
-    "gyro": gyro,
+SCENARIOS: Mapping[str, Scenario] = {
+    "room": Scenario(room, frames=900),
+    "gyro": Scenario(gyro, frames=450),
 }

@@ -6,7 +6,7 @@ Source: Solà, *An EKF-SLAM toolbox in Matlab*, its example with lines (`userDat
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 from scene_core.filter.policies import Association, Gate, Management, Policies, Selection, Update
@@ -20,6 +20,7 @@ from scene_core.session.presets_parts import (
     MountParts,
     Pose,
     RobotParts,
+    Scenario,
     mount,
     robot,
     seen_from_anywhere,
@@ -104,7 +105,7 @@ def _policies(selection: Selection) -> Policies:
     )
 
 
-SCENARIOS: Mapping[str, Callable[[], Experiment]] = {
-    "house": house,
-    "points_and_lines": points_and_lines,
+SCENARIOS: Mapping[str, Scenario] = {
+    "house": Scenario(house),
+    "points_and_lines": Scenario(points_and_lines),
 }

@@ -4,9 +4,8 @@ markers."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
-from types import MappingProxyType
 
 from scene_core import params
 from scene_core.models.features.point_2d import Point2D
@@ -16,7 +15,7 @@ from scene_core.models.motion.odometry_2d import PlanarOdometry
 from scene_core.models.sensors.range_2d import PlanarRange
 from scene_core.models.sensors.range_bearing import RangeBearing
 from scene_core.session.config import Experiment, MarkerSettings
-from scene_core.session.presets_parts import identified, mount, robot, simulated
+from scene_core.session.presets_parts import Scenario, identified, mount, robot, simulated
 from scene_core.session.presets_toolbox import cloister
 from scene_core.sources.drivers import Waypoints
 from scene_core.sources.truth import TrueMarker
@@ -97,6 +96,19 @@ def cooperation() -> Experiment:
     return replace(both, estimator=replace(both.estimator, markers=lamp))
 
 
-SCENARIOS: Mapping[str, Callable[[], Experiment]] = MappingProxyType(
-    {"particles": particles, "ranges": ranges, "cooperation": cooperation}
-)
+SCENARIOS: Mapping[str, Scenario] = {
+    "particles": Scenario(
+        particles,
+        reason="the particles of a landmark learn its depth from the same poses that the "
+        "filter corrects, and the point they settle on is correlated with those poses only as "
+        "far as the particles kept account of it; the same run with inverse depth is nearer "
+        "to its band.",
+    ),
+    "ranges": Scenario(
+        ranges,
+        reason="in some runs a ring of particles settles on the mirror image of its landmark "
+        "before the robot has turned enough; the point is then rejected ten times and given "
+        "up, but what was accepted of it stays in the robot's pose.",
+    ),
+    "cooperation": Scenario(cooperation),
+}

@@ -3,7 +3,7 @@ and once as it truly is, which are the same unless something is said about the t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, TypeVar
@@ -37,6 +37,16 @@ OWN_AXES: Pose = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 FORWARD = (0.5, -0.5, 0.5, -0.5)
 """Orientation of a camera that looks ahead on a robot with x forward, y left, z up."""
 NONE: Mapping[str, float] = MappingProxyType({})
+
+
+class Scenario(NamedTuple):
+    """What a module of scenarios tells of each."""
+
+    make: Callable[[], Experiment]
+    frames: int = 400
+    """How long one run is when statistics are taken."""
+    reason: str = ""
+    """Why its NEES is outside its band: an EKF's limit is a fact to show. Empty: it is inside."""
 
 
 class RobotParts(NamedTuple):

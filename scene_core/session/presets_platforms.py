@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 from scene_core.geometry.spaces import TWO_D
 from scene_core.models.features.inverse_depth import InverseDepth
@@ -16,6 +16,7 @@ from scene_core.models.sensors.range_bearing import RangeBearing
 from scene_core.session.config import Experiment
 from scene_core.session.presets_parts import (
     FORWARD,
+    Scenario,
     identified,
     known_points,
     mount,
@@ -125,8 +126,8 @@ def _camera() -> Pinhole:
     )
 
 
-SCENARIOS: Mapping[str, Callable[[], Experiment]] = {
-    "arm": arm,
-    "corridor": corridor,
-    "inertial": inertial,
+SCENARIOS: Mapping[str, Scenario] = {
+    "arm": Scenario(arm),
+    "corridor": Scenario(corridor, frames=600),
+    "inertial": Scenario(inertial),
 }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from scene_core.models.sensors.distance_1d import Distance1D
 from scene_core.models.sensors.range_bearing import RangeBearing
 from scene_core.models.sensors.stereo_head import StereoHead
 from scene_core.session.config import Experiment
-from scene_core.session.presets_parts import OWN_AXES, identified, mount, robot, simulated
+from scene_core.session.presets_parts import OWN_AXES, Scenario, identified, mount, robot, simulated
 from scene_core.sources.drivers import Shuttle, Waypoints
 from scene_core.sources.terrain import Terrain, on_ground
 from scene_core.sources.worlds import Field, Line
@@ -126,9 +126,15 @@ def _on_terrain(name: str, felt: Mapping[str, tuple[str, InternalMeasurementMode
 HEAD_POSE = (0.0, 0.8, *OWN_AXES[2:])
 """The head 0.8 m above the ground, its axes those of the turret."""
 
-SCENARIOS: Mapping[str, Callable[[], Experiment]] = {
-    "line": line,
-    "nomad": nomad,
-    "terrain": terrain,
-    "terrain_roll_pitch": terrain_roll_pitch,
+SCENARIOS: Mapping[str, Scenario] = {
+    "line": Scenario(line, frames=300),
+    "nomad": Scenario(nomad, frames=600),
+    "terrain": Scenario(
+        terrain,
+        reason="each match fits (NIS in band), but late in the run the squared errors of all six "
+        "components are 2.6 to 5.3 times their variances, the heading's most: the excess grows "
+        "with the way and with the assumed folds (NEES 12 with a slope noise of 0.5 rad/m, even "
+        "35 where the truth folds so too), and shrinks with an inclinometer.",
+    ),
+    "terrain_roll_pitch": Scenario(terrain_roll_pitch),
 }

@@ -8,7 +8,7 @@ starts with; here they are not.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 from scene_core.filter.policies import Association, Gate, Management, Policies, Selection, Update
 from scene_core.models.base import FeatureModel
@@ -23,6 +23,7 @@ from scene_core.session.presets_parts import (
     FORWARD,
     Pose,
     RobotParts,
+    Scenario,
     mount,
     off,
     robot,
@@ -184,9 +185,14 @@ def _policies(landmark: FeatureModel, confidence: float = 0.9999) -> Policies:
     )
 
 
-SCENARIOS: Mapping[str, Callable[[], Experiment]] = {
-    "cloister": cloister,
-    "two_robots": two_robots,
-    "two_cameras": two_cameras,
-    "omnidirectional": omnidirectional,
+SCENARIOS: Mapping[str, Scenario] = {
+    "cloister": Scenario(cloister),
+    "two_robots": Scenario(two_robots),
+    "two_cameras": Scenario(two_cameras),
+    "omnidirectional": Scenario(
+        omnidirectional,
+        reason="a point or two in a run come back into view from behind the robot far outside "
+        "their gate and are given up; they make the NIS. The toolbox has 13.3 at the end and 10.3 "
+        "in the mean.",
+    ),
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import process_time
 from typing import NamedTuple
 
@@ -22,29 +22,8 @@ from scene_core.session.published import RobotSeries
 from scene_core.session.report import report
 from scene_core.session.session import Session
 
-FRAMES: Mapping[str, int] = {"room": 900, "gyro": 450, "line": 300, "nomad": 600, "corridor": 600}
-"""How long one run of a scenario is that has no end; others: 400."""
 CALIBRATION_INTERVAL = 0.999
 """Probability of the interval for one calibration; a scenario may estimate ten of them."""
-
-REASONS: Mapping[str, str] = {
-    "terrain": "each match fits (NIS in band), but late in the run the squared errors of all six "
-    "components are 2.6 to 5.3 times their variances, the heading's most: the excess grows with "
-    "the way and with the assumed folds (NEES 12 with a slope noise of 0.5 rad/m, even 35 where "
-    "the truth folds so too), and shrinks with an inclinometer.",
-    "omnidirectional": "a point or two in a run come back into view from behind the robot far "
-    "outside their gate and are given up; they make the NIS. The toolbox has 13.3 at the end and "
-    "10.3 in the mean.",
-    "particles": "the particles of a landmark learn its depth from the same poses that the filter "
-    "corrects, and the point they settle on is correlated with those poses only as far as the "
-    "particles kept account of it; the same run with inverse depth is nearer to its band.",
-    "ranges": "in some runs a ring of particles settles on the mirror image of its landmark before "
-    "the robot has turned enough; the point is then rejected ten times and given up, but what was "
-    "accepted of it stays in the robot's pose.",
-    "calibration": "the true values are fixed at 1 to 2 sd from the belief instead of being drawn, "
-    "so that over seeds one of six may be nearer to its estimate than its sd says.",
-}
-"""Why the NEES of a scenario is outside its band: an EKF's limit is a fact to show."""
 
 
 class RobotOutcome(NamedTuple):
@@ -105,6 +84,8 @@ class Study:
 
     name: str
     outcomes: tuple[Outcome, ...]
+    reason: str = ""
+    """Why something is outside its band, where that is known."""
 
     @property
     def robots(self) -> tuple[str, ...]:
@@ -192,7 +173,7 @@ def rows(s: Study) -> str:
     worst = max(calibrations, key=lambda one: one.nees / one.band[1], default=None)
     found = "–" if worst is None else f"{np.mean([one.nees for one in calibrations]):.2f}"
     ms, nis = (np.mean([getattr(o, name) for o in s.outcomes]) for name in ("ms", "nis"))
-    verdict = "yes" if s.is_consistent else "no: see below" if s.name in REASONS else "NO"
+    verdict = "yes" if s.is_consistent else "no: see below" if s.reason else "NO"
     lines = []
     for robot in s.robots:
         lo, hi = s.nees_band(robot)
@@ -226,8 +207,8 @@ def complaints(s: Study) -> Iterable[str]:
                 f"`{s.name}`: {one.name} has a squared normalised error of {one.nees:.2f}, must "
                 f"lie in {lo:.2f} to {hi:.2f}."
             )
-    if s.name in REASONS:
-        yield f"`{s.name}`: {REASONS[s.name]}"
+    if s.reason:
+        yield f"`{s.name}`: {s.reason}"
 
 
 @dataclass(frozen=True)
@@ -249,19 +230,20 @@ def main(options: Options) -> int:
     print(HEAD, flush=True)
     good, notes = True, []
     for name in options.names:
-        experiment = presets.build(name)
+        preset, experiment = presets.named(name), presets.build(name)
 
         def progress(outcome: Outcome, name: str = name) -> None:
             if sys.stderr.isatty():
                 print(f"\r\x1b[K{name}, seed {outcome.seed}", end="", file=sys.stderr, flush=True)
 
-        frames = options.frames or FRAMES.get(name, experiment.frames or 400)
+        frames = options.frames or preset.frames
         result = study(experiment, range(options.seeds), frames, progress)
+        result = replace(result, reason=preset.reason)
         if sys.stderr.isatty():
             print("\r\x1b[K", end="", file=sys.stderr, flush=True)
         print(rows(result), flush=True)
         notes += complaints(result)
-        good &= result.is_consistent or name in REASONS
+        good &= result.is_consistent or bool(result.reason)
     print("".join(f"\n- {note}" for note in notes))
     return 0 if good else 1
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from scene_core.geometry.ellipses import chi2_band
 from scene_core.session import presets, study
 from scene_core.session.edits import set_param
-from scene_core.session.study import REASONS, Outcome, RobotOutcome, Study
+from scene_core.session.study import Outcome, RobotOutcome, Study
 
 
 @pytest.mark.parametrize(
@@ -81,5 +82,15 @@ def test_the_table_has_a_row_for_each_robot_and_a_cell_for_each_column() -> None
     assert {row.count("|") for row in table} == {head.count("|")}
 
 
-def test_reasons_are_given_for_scenarios_there_are() -> None:
-    assert REASONS.keys() <= set(presets.loadable())
+def test_what_is_out_of_its_band_is_a_failure_unless_there_is_a_reason(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The table asks the scenario, which says how long a run is and why it is out of its band."""
+    wrong = set_param(presets.build("line"), "estimator.mounts.range.sensor.sd", 0.01)
+    plain = replace(presets.named("line"), make=lambda: wrong, frames=40)
+    options = study.Options(("line",), seeds=2)
+    for reason, code, words in (("", 1, "| NO |"), ("it is meant to be.", 0, "| no: see below |")):
+        monkeypatch.setitem(presets.PRESETS, "line", replace(plain, reason=reason))
+        assert study.main(options) == code
+        said = capsys.readouterr().out
+        assert words in said and ("- `line`: it is meant to be." in said) == bool(reason)
