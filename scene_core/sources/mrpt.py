@@ -13,10 +13,10 @@ from typing import ClassVar
 import numpy as np
 
 from scene_core.arrays import Mat, Vec, frozen
-from scene_core.filter.ports import Frame, SourceError
+from scene_core.filter.ports import SourceError
 from scene_core.geometry import quaternion
 from scene_core.params import param
-from scene_core.sources.recorded import Log, Recording, by_frame, fixed, needed
+from scene_core.sources.recorded import Log, Logged, by_frame, fixed, needed
 from scene_core.sources.tables import fingerprint, read_numbers, row, text_lines
 
 WORDS = {
@@ -31,7 +31,7 @@ FLAT = 1e-6
 
 
 @dataclass(frozen=True)
-class Mrpt(Recording):
+class Mrpt(Logged):
     """A log as text: lines `SF k`, `OBS k id range yaw pitch` and `ODO k x y z yaw pitch roll`, the
     last being the increment from frame k to k + 1.
 
@@ -61,12 +61,6 @@ class Mrpt(Recording):
     def header(self) -> dict[str, float]:
         """Reach, fields of view and noise of the sensor, from the log's first line."""
         return _header(self.path, fingerprint(self.path))
-
-    def times(self) -> Vec:
-        return self._log().times
-
-    def frame(self, index: int) -> Frame:
-        return self._log().frame(index, self.robot, self.mount)
 
     def _log(self) -> Log:
         beside = [p for p in _truth_files(self.path) if p.exists()]

@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from scene_core.arrays import Mat, Vec, frozen
-from scene_core.filter.ports import Frame, SourceError
+from scene_core.filter.ports import SourceError
 from scene_core.geometry import quaternion
 from scene_core.geometry.spaces import TWO_D, relative
 from scene_core.params import param
-from scene_core.sources.recorded import Log, Recording, by_frame, fixed, folder, needed
+from scene_core.sources.recorded import Log, Logged, by_frame, fixed, folder, needed
 from scene_core.sources.tables import fingerprint, read_numbers, row, text_lines
 
 CAMERA = "camera matrix: and cam_transform: with their rows, width: W, height: H"
@@ -38,7 +38,7 @@ class PlanarCamera:
 
 
 @dataclass(frozen=True)
-class PlanarMono(Recording):
+class PlanarMono(Logged):
     """Odometry and pixels of identified points, frame by frame.
 
     The controls are the increments dz, dx, dphi of the odometry's pose; the world's x and y are z
@@ -59,18 +59,6 @@ class PlanarMono(Recording):
         """The camera and where it sits."""
         file = needed(folder(self.path, FOLDER) / "camera.dat", FOLDER)
         return _camera(str(file), fingerprint(file))
-
-    def start_pose(self) -> Vec:
-        """True (z, x, phi) at frame 0."""
-        poses = self._log().poses
-        assert poses is not None
-        return poses[0]
-
-    def times(self) -> Vec:
-        return self._log().times
-
-    def frame(self, index: int) -> Frame:
-        return self._log().frame(index, self.robot, self.mount)
 
     def _log(self) -> Log:
         at = folder(self.path, FOLDER)

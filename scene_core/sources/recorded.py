@@ -130,6 +130,31 @@ class Recording(ABC):
         return nu
 
 
+class Logged(Recording):
+    """A recording of one robot with one sensor, all of which is in one `Log`."""
+
+    path: str
+    robot: str
+    mount: str
+
+    @abstractmethod
+    def _log(self) -> Log:
+        """The recording. Raises SourceError when it can not be read."""
+
+    def times(self) -> Vec:
+        return self._log().times
+
+    def frame(self, index: int) -> Frame:
+        return self._log().frame(index, self.robot, self.mount)
+
+    def start_pose(self) -> Vec:
+        """The true position state (n,) at frame 0, where the estimate may start."""
+        poses = self._log().poses
+        if poses is None or not np.isfinite(poses[0]).all():
+            raise SourceError(f"{self.path}: there is no true pose where the recording starts")
+        return poses[0]
+
+
 def _points(frame: Frame, mount: str) -> Points:
     raw = frame.raw[mount]
     assert isinstance(raw, Points), f"{mount} sent no points in frame {frame.index}"

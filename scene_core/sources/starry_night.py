@@ -14,9 +14,9 @@ from scipy.io import loadmat
 from scipy.io.matlab import MatReadError
 
 from scene_core.arrays import Mat, Vec, frozen
-from scene_core.filter.ports import Frame, SourceError
+from scene_core.filter.ports import SourceError
 from scene_core.geometry import quaternion
-from scene_core.sources.recorded import Log, Recording, fixed
+from scene_core.sources.recorded import Log, Logged, fixed
 from scene_core.sources.tables import fingerprint
 
 SHAPES: Mapping[str, tuple[int | str, ...]] = {
@@ -33,7 +33,7 @@ UNSEEN = -1.0
 
 
 @dataclass(frozen=True)
-class StarryNight(Recording):
+class StarryNight(Logged):
     """Pixels (uL, vL, uR, vR) of identified landmarks, velocity and turn rate in the body.
 
     Every frame comes with the rates held since the one before: the mean of the samples at its two
@@ -58,18 +58,6 @@ class StarryNight(Recording):
         a = self._arrays()
         q = quaternion.from_matrix(a["C_c_v"].T)
         return frozen(np.concatenate([a["rho_v_c_v"][:, 0], q]))
-
-    def start_pose(self) -> Vec:
-        """True pose at frame 0."""
-        poses = self._log().poses
-        assert poses is not None
-        return poses[0]
-
-    def times(self) -> Vec:
-        return self._log().times
-
-    def frame(self, index: int) -> Frame:
-        return self._log().frame(index, self.robot, self.mount)
 
     def _arrays(self) -> Mapping[str, np.ndarray]:
         return _read(self.path, fingerprint(self.path))

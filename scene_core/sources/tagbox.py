@@ -15,10 +15,10 @@ import cv2
 import numpy as np
 
 from scene_core.arrays import Mat, Vec, frozen
-from scene_core.filter.ports import Frame, SourceError
+from scene_core.filter.ports import SourceError
 from scene_core.geometry import quaternion
 from scene_core.params import param
-from scene_core.sources.recorded import Log, Recording, by_frame, fixed, folder, needed
+from scene_core.sources.recorded import Log, Logged, by_frame, fixed, folder, needed
 from scene_core.sources.reference import load_reference
 from scene_core.sources.tables import fingerprint, read_numbers
 
@@ -31,7 +31,7 @@ CENTIMETRE = 0.01
 
 
 @dataclass(frozen=True)
-class Tagbox(Recording):
+class Tagbox(Logged):
     """Corners of the tags that were found in undistorted images, pixels (u, v).
 
     The identity of a corner is 4 tag + corner. World axes are the box's, in metres; the points of
@@ -79,12 +79,6 @@ class Tagbox(Recording):
         theta, t = frozen(turn[:, 0]), frozen(shift[:, 0])
         q = quaternion.conjugate(quaternion.from_rotation_vector(theta)[0])
         return frozen(np.concatenate([-quaternion.rotate(q, t).v, q]))
-
-    def times(self) -> Vec:
-        return self._log().times
-
-    def frame(self, index: int) -> Frame:
-        return self._log().frame(index, self.robot, self.mount)
 
     def _prints(self) -> tuple:
         at = folder(self.path, FOLDER)

@@ -65,6 +65,8 @@ def test_a_log_in_space_turns_pitch_into_elevation_and_euler_angles_into_a_rotat
 
 def test_the_truth_is_taken_from_beside_the_log(tmp_path: Path) -> None:
     source = log(tmp_path, SOLID)
+    with pytest.raises(SourceError, match=r"log.txt: there is no true pose where the recording"):
+        source.start_pose()
     (tmp_path / "log_ground_truth.txt").write_text("1 2 3 5 0 0 8\n")
     (tmp_path / "log_ground_truth_robot_path.txt").write_text("% x\n0 0 0 0 0 0\n1 0 0 0.5 0 0\n")
     truth = source.advance(None, 1)[0].truth
@@ -72,6 +74,7 @@ def test_the_truth_is_taken_from_beside_the_log(tmp_path: Path) -> None:
     np.testing.assert_array_equal(truth.points, [[1.0, 2.0, 3.0]])
     half = [1.0, 0.0, 0.0, np.cos(0.25), 0.0, 0.0, np.sin(0.25)]
     np.testing.assert_allclose(THREE_D.difference(truth.xp["robot"], np.array(half)), 0, atol=1e-14)
+    np.testing.assert_allclose(source.start_pose(), THREE_D.identity())
     (tmp_path / "log_ground_truth_robot_path.txt").write_text("0 0 0 0 0 0\n")
     with pytest.raises(SourceError, match=r"has 1 poses and .* 2 frames: give one per frame"):
         source.start()
