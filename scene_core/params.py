@@ -206,15 +206,34 @@ def put(obj: Any, path: str, value: Any) -> Any:
 
 def replace(obj: Any, path: str, value: Any) -> Any:
     """A copy of `obj` with the parameter at `path` set to the validated `value`."""
-    parent, _, name = path.rpartition(".")
-    owner = get(obj, parent) if parent else obj
-    above, _, field_name = parent.rpartition(".")
-    optional = _entries_of(get(obj, above) if above else obj, field_name)
-    if optional is not None:
+    return replace_all(obj, {path: value})
+
+
+def replace_all(obj: Any, values: Mapping[str, Any]) -> Any:
+    """A copy of `obj` with several parameters set to their validated values. Those of one owner are
+    set together: two limits may both move beyond where the other one was."""
+    together: dict[str, dict[str, Any]] = {}
+    for path, value in values.items():
+        parent, _, name = path.rpartition(".")
+        owner = get(obj, parent) if parent else obj
+        above, _, field_name = parent.rpartition(".")
+        optional = _entries_of(get(obj, above) if above else obj, field_name)
+        if optional is None:
+            together.setdefault(parent, {})[name] = _checked(owner, path, name, value)
+            continue
         rest = {k: v for k, v in owner.items() if k != name}
         if value is not None:
             rest[name] = check_value(path, value, 0.0, optional)
-        return put(obj, parent, rest)
+        obj = put(obj, parent, rest)
+    for parent, new in together.items():
+        owner = dataclasses.replace(get(obj, parent) if parent else obj, **new)
+        obj = put(obj, parent, owner) if parent else owner
+    return obj
+
+
+def _checked(owner: Any, path: str, name: str, value: Any) -> Any:
+    """`value` for the parameter `name` of `owner`; raises ParamError when it has none or the value
+    does not fit."""
     get(owner, name)
     meta = next(
         (f.metadata.get("param") for f in fields(owner) if f.name == name)
@@ -224,7 +243,7 @@ def replace(obj: Any, path: str, value: Any) -> Any:
     )
     if meta is None:
         raise ParamError(f"'{path}' is not a parameter that can be edited")
-    return put(obj, path, check_value(path, value, getattr(owner, name), meta))
+    return check_value(path, value, getattr(owner, name), meta)
 
 
 def check_value(path: str, value: Any, old: Any, meta: Mapping[str, Any]) -> Any:

@@ -27,7 +27,7 @@ from scene_core.session import presets, toml_io, units
 from scene_core.session.alignment import Alignment
 from scene_core.session.cli_models import Check, Models, check_models, library_of, list_models
 from scene_core.session.config import Experiment
-from scene_core.session.edits import set_param, with_seed
+from scene_core.session.edits import set_params, with_seed
 from scene_core.session.failures import explain
 from scene_core.session.report import report, summary
 from scene_core.session.session import Session
@@ -121,9 +121,7 @@ def experiment_from(options: SourceOptions) -> Experiment:
         if not 0 <= options.seed < 2**31:
             raise ParamError(f"--seed {options.seed}: give a whole number from 0 to 2147483647")
         experiment = with_seed(experiment, options.seed)
-    for edit in options.set:
-        experiment = _edited(experiment, edit)
-    return experiment
+    return _edited(experiment, options.set)
 
 
 def _chosen(options: SourceOptions) -> Experiment:
@@ -177,16 +175,23 @@ def _from_file(path: str) -> Experiment:
     return experiment
 
 
-def _edited(experiment: Experiment, edit: str) -> Experiment:
-    path, sign, text = edit.partition("=")
-    if not sign:
-        raise ParamError(f"--set {edit}: write path=value, e.g. {presets.EXAMPLE_EDIT}")
-    path, text = path.strip(), text.strip()
+def _edited(experiment: Experiment, edits: Sequence[str]) -> Experiment:
+    """The experiment with all edits path=value, which take effect together."""
+    values: dict[str, Any] = {}
+    for edit in edits:
+        path, sign, text = edit.partition("=")
+        if not sign:
+            raise ParamError(f"--set {edit}: write path=value, e.g. {presets.EXAMPLE_EDIT}")
+        try:
+            path = _without_unit(experiment, path.strip())
+            values[path] = parsed(text.strip(), get(experiment, path))
+        except ParamError as e:
+            raise ParamError(f"--set {edit}: {e}") from e
     try:
-        path = _without_unit(experiment, path)
-        return set_param(experiment, path, parsed(text, get(experiment, path)))
+        return set_params(experiment, values)
     except ParamError as e:
-        raise ParamError(f"--set {edit}: {e}") from e
+        meant = [edit for edit in edits if edit.partition("=")[0].rpartition(".")[2] in str(e)]
+        raise ParamError(f"{' '.join(f'--set {edit}' for edit in meant or edits)}: {e}") from e
 
 
 def _without_unit(experiment: Experiment, path: str) -> str:

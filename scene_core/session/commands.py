@@ -39,6 +39,15 @@ class SetParam:
 
 
 @dataclass(frozen=True)
+class SetParams:
+    """Edit several parameters in one step, e.g. both limits of a reach, which are refused when the
+    lower one is above the upper one."""
+
+    values: tuple[tuple[str, Any], ...]
+    """Path and value of each."""
+
+
+@dataclass(frozen=True)
 class Undo:
     """Take the last parameter edit back."""
 
@@ -121,6 +130,7 @@ Command = (
     | Seek
     | SetSpeed
     | SetParam
+    | SetParams
     | Undo
     | Redo
     | ResetParams

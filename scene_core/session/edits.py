@@ -8,10 +8,10 @@ from typing import Any
 
 from scene_core import params
 from scene_core.params import ParamError
-from scene_core.session.commands import Redo, ResetParams, SetParam, SwapModel, Undo
+from scene_core.session.commands import Redo, ResetParams, SetParam, SetParams, SwapModel, Undo
 from scene_core.session.config import Experiment
 
-Edit = SetParam | SwapModel | Undo | Redo | ResetParams
+Edit = SetParam | SetParams | SwapModel | Undo | Redo | ResetParams
 UNDO_STEPS = 100
 
 
@@ -46,10 +46,26 @@ class Settings:
 def set_param(experiment: Experiment, path: str, value: object) -> Experiment:
     """The experiment with one validated parameter changed; the path starts with estimator or
     source."""
-    root = path.partition(".")[0]
-    if root not in ("estimator", "source"):
-        raise ParamError(f"no parameter '{path}': it starts with estimator. or source.")
-    return params.replace(experiment, path, value)
+    return set_params(experiment, {path: value})
+
+
+def set_params(experiment: Experiment, values: Mapping[str, object]) -> Experiment:
+    """The same with several parameters, which take effect together."""
+    for path in values:
+        if path.partition(".")[0] not in ("estimator", "source"):
+            raise ParamError(f"no parameter '{path}': it starts with estimator. or source.")
+    return params.replace_all(experiment, values)
+
+
+def values_of(command: Edit) -> Mapping[str, Any]:
+    """The parameters an edit sets, by path; none for an edit of another kind."""
+    match command:
+        case SetParam(path, value):
+            return {path: value}
+        case SetParams(values):
+            return dict(values)
+        case _:
+            return {}
 
 
 def until_reset(edited: Experiment, started: Experiment) -> Experiment:
@@ -90,11 +106,14 @@ def uses(settings: Any, model: type[Any]) -> bool:
     return False
 
 
-def same_value(experiment: Experiment, command: SetParam) -> bool:
-    """Whether an edit would change nothing; a path that does not exist is refused here."""
-    old = params.get(experiment, command.path)
-    value = tuple(command.value) if isinstance(command.value, list) else command.value
-    return type(old) in (bool, int, float, str, tuple) and bool(old == value)
+def same_values(experiment: Experiment, values: Mapping[str, Any]) -> bool:
+    """Whether all parameters have these values; a path that does not exist is refused here."""
+    return all([_same_value(params.get(experiment, path), new) for path, new in values.items()])
+
+
+def _same_value(old: Any, new: Any) -> bool:
+    new = tuple(new) if isinstance(new, list) else new
+    return type(old) in (bool, int, float, str, tuple) and bool(old == new)
 
 
 def with_seed(experiment: Experiment, seed: int) -> Experiment:

@@ -30,6 +30,7 @@ from scene_core.session.commands import (
     Seek,
     Select,
     SetParam,
+    SetParams,
     SwapModel,
     Transport,
     Undo,
@@ -39,10 +40,11 @@ from scene_core.session.config import Experiment
 from scene_core.session.edits import (
     Edit,
     Settings,
-    same_value,
-    set_param,
+    same_values,
+    set_params,
     until_reset,
     uses,
+    values_of,
     waits,
 )
 from scene_core.session.history import History, Moment
@@ -261,7 +263,7 @@ class Session:
         command makes no sense; nothing has changed then.
         """
         match command:
-            case SetParam() | SwapModel() | Undo() | Redo() | ResetParams():
+            case SetParam() | SetParams() | SwapModel() | Undo() | Redo() | ResetParams():
                 self._edit(command, playing)
             case InitialiseAt():
                 self._click(command)
@@ -318,31 +320,30 @@ class Session:
         return after
 
     def _edit(self, command: Edit, playing: bool) -> None:
-        before = self.settings
-        if isinstance(command, SetParam) and same_value(before.experiment, command):
-            self.message = f"{command.path} is already {command.value}"
+        before, values = self.settings, values_of(command)
+        if values and same_values(before.experiment, values):
+            self.message = "; ".join(f"{path} is already {new}" for path, new in values.items())
             return
         after, note = self._edited(before, command, playing)
         frame = self._next
         running = self._running(after)
         reached = reconfigure(self.world, self.running.estimator, running.estimator)
-        if isinstance(command, SetParam) and running is not after.experiment:
-            if waits(running, after.experiment, command.path):
+        if running is not after.experiment:
+            if any(waits(running, after.experiment, path) for path in values):
                 note = "takes effect on reset"
         self._discard_future(frame - 1, computed=frame - 1)
         logged = self._edits.setdefault(frame, [])
-        last = logged[-1].command if logged else None
-        if isinstance(command, SetParam) and isinstance(last, SetParam):
-            if last.path == command.path:
-                logged.pop()
+        if values and logged and values_of(logged[-1].command).keys() == values.keys():
+            logged.pop()
         logged.append(LoggedEdit(command, after))
         self.message = "; ".join(filter(None, (note, *reached.notes)))
 
     def _edited(self, before: Settings, command: Edit, playing: bool) -> tuple[Settings, str]:
         """The settings a command leads to, and a sentence about it."""
         match command:
-            case SetParam(path, value):
-                after = set_param(before.experiment, path, value)
+            case SetParam() | SetParams():
+                values = values_of(command)
+                after, path = set_params(before.experiment, values), " ".join(values)
                 return before.edited(after, path, self._same_step(before, path, playing)), ""
             case SwapModel(role, name):
                 after, note = swapped(before.experiment, self.base, role, name)

@@ -235,6 +235,20 @@ def test_wrong_matches_are_counted_only_where_somebody_knows() -> None:
     assert " wrong" not in summary(figures, {**totals, "known": 0})
 
 
+def test_edits_take_effect_together() -> None:
+    """Each limit alone would be beyond the other one; what is refused is what was meant."""
+    at = "estimator.mounts.scanner.sensor"
+    limits = (f"{at}.reach_min=20", f"{at}.reach_max=30")
+    sensor = experiment_from(SourceOptions("nomad", set=limits)).estimator.mounts["scanner"].sensor
+    assert (sensor.reach_min, sensor.reach_max) == (20.0, 30.0)  # type: ignore[attr-defined]
+    for wrong, words in (
+        (f"{SD}=-1", rf"^--set {SD}=-1: .* outside"),
+        (f"{at}.reach_max=10", r"^--set .*min=20 --set .*max=30 --set .*max=10: .* not below"),
+    ):
+        with pytest.raises(ParamError, match=words):
+            experiment_from(SourceOptions("nomad", set=(*limits, wrong)))
+
+
 def test_edits_apply_in_order() -> None:
     experiment = experiment_from(SourceOptions(preset="nomad", set=(f"{SD}=0.5", f"{SD} = 0.6")))
     assert experiment.estimator.robots["nomad"].motion.sd_v == 0.6  # type: ignore[attr-defined]

@@ -17,6 +17,7 @@ from scene_core.session.commands import (
     ResetParams,
     Select,
     SetParam,
+    SetParams,
     SwapModel,
     Transport,
     Undo,
@@ -218,6 +219,37 @@ def test_undo_and_redo_are_inverse() -> None:
         session.apply(Redo())
     session.apply(ResetParams())
     assert session.settings.experiment == session.base
+
+
+def test_two_limits_move_together_beyond_where_each_of_them_was() -> None:
+    session = Session(presets.build("nomad"))
+    at = "estimator.mounts.scanner.sensor"
+    before = params.get(session.experiment, at)
+    near, far = before.reach_max + 1.0, before.reach_max + 2.0
+    for path, value in ((f"{at}.reach_min", near), (f"{at}.reach_max", 0.5 * before.reach_min)):
+        with pytest.raises(ParamError, match="is not below reach_max"):
+            session.apply(SetParam(path, value))
+    pair = ((f"{at}.reach_min", near), (f"{at}.reach_max", far))
+    session.apply(SetParams(pair))
+    session.advance()
+    after = session.world.mounts["scanner"].sensor
+    assert after == dataclasses.replace(before, reach_min=near, reach_max=far)  # type: ignore
+    session.apply(SetParams(pair))
+    assert session.message.count("is already") == 2 and session.pending is None
+    with pytest.raises(ParamError, match=r"reach_min = -1 m is outside"):
+        session.apply(SetParams(((f"{at}.reach_max", 99.0), (f"{at}.reach_min", -1.0))))
+    assert session.pending is None and [c for _, c in session.log] == [SetParams(pair)]
+    session.apply(Undo())
+    session.advance()
+    assert session.world.mounts["scanner"].sensor == before, "one step for undo"
+
+
+def test_a_pair_that_is_dragged_is_one_edit() -> None:
+    session = Session(presets.build("nomad"))
+    at = "estimator.mounts.scanner.sensor"
+    for far in (5.0, 6.0, 7.0):
+        session.apply(SetParams(((f"{at}.reach_min", far - 4.0), (f"{at}.reach_max", far))))
+    assert len(session.log) == 1 and len(session.settings.past) == 1
 
 
 def test_a_selection_is_not_logged() -> None:
