@@ -47,6 +47,9 @@ class Spec:
     label: str
     rows: bool = False
     """A list of any number of rows of numbers, e.g. waypoints."""
+    below: str = ""
+    """The parameter beside it that it may not be above: they are two limits, to be edited
+    together."""
 
 
 def param(
@@ -60,11 +63,14 @@ def param(
     effect: Effect = "next frame",
     label: str = "",
     rows: bool = False,
+    below: str = "",
 ) -> Any:
     """Declare a parameter field; its help text is the docstring below the field."""
     meta = dict(unit=unit, lo=lo, hi=hi, soft=soft, choices=choices, effect=effect, label=label)
     if rows:
         meta["rows"] = True
+    if below:
+        meta["below"] = below
     return field(default=default, metadata={"param": meta})
 
 

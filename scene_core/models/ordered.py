@@ -8,9 +8,16 @@ from typing import Any
 from scene_core.params import ParamError
 
 
-def demand_order(model: Any, lower: str, upper: str, apart: bool = False) -> None:
-    """Raise ParamError where the parameter `lower` of a model is above its `upper`; where they are
-    equal too, if they have to be `apart`."""
+def demand_order(model: Any) -> None:
+    """Raise ParamError where a parameter of a model that was declared to be `below` another one is
+    above it. Lengths have to be apart, numbers of things may be equal."""
+    for f in fields(model):
+        upper = f.metadata.get("param", {}).get("below")
+        if upper:
+            _demand(model, f.name, upper, apart=isinstance(f.default, float))
+
+
+def _demand(model: Any, lower: str, upper: str, apart: bool) -> None:
     low, high = getattr(model, lower), getattr(model, upper)
     if low < high or (low == high and not apart):
         return

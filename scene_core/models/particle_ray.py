@@ -48,7 +48,14 @@ class ParticleRay(FeatureModel):
     """depth: no point lies beyond the largest depth. inverse depth: from the smallest depth to
     infinity, more densely where parallax is large."""
     min_depth: float = param(
-        0.5, unit="m", lo=1e-3, hi=1e4, soft=(0.1, 5.0), effect="next feature", label="Depth, min"
+        0.5,
+        unit="m",
+        lo=1e-3,
+        hi=1e4,
+        soft=(0.1, 5.0),
+        effect="next feature",
+        label="Depth, min",
+        below="max_depth",
     )
     """No point is nearer than this to its first view."""
     max_depth: float = param(
@@ -59,14 +66,15 @@ class ParticleRay(FeatureModel):
         100, lo=10, hi=5000, soft=(20, 500), effect="next feature", label="Particles"
     )
     """How many a new feature starts with."""
-    min_particles: int = param(20, lo=2, hi=1000, soft=(5, 100), label="Particles, min")
+    min_particles: int = param(
+        20, lo=2, hi=1000, soft=(5, 100), label="Particles, min", below="particles"
+    )
     """With fewer left it is given up: their spread would be that of the grid."""
     ratio: float = param(0.3, lo=1e-3, hi=1.0, soft=(0.05, 0.5), label="Spread, max")
     """Converted when the standard deviation of the particles is below this part of their mean."""
 
     def __post_init__(self) -> None:
-        demand_order(self, "min_depth", "max_depth", apart=True)
-        demand_order(self, "min_particles", "particles")
+        demand_order(self)
 
     @property
     def free_labels(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]

@@ -28,6 +28,11 @@ PAIRS = [
 ]
 
 
+def test_pairs_are_told_to_forms():
+    told = [(m, s.name, s.below) for m in EVERY for s in params.schema(m) if s.below]
+    assert sorted(told, key=str) == sorted(PAIRS, key=str)
+
+
 @pytest.mark.parametrize(
     ("model", "lower", "upper"), PAIRS, ids=lambda v: v if isinstance(v, str) else v.name
 )

@@ -52,14 +52,16 @@ class PlanarRangeRing(FeatureModel):
         720, lo=8, hi=5000, soft=(36, 1440), effect="next feature", label="Particles"
     )
     """How many places on the ring a new feature starts with."""
-    min_particles: int = param(3, lo=1, hi=1000, soft=(2, 30), label="Particles, min")
+    min_particles: int = param(
+        3, lo=1, hi=1000, soft=(2, 30), label="Particles, min", below="particles"
+    )
     """With fewer left it is given up: their spread would be that of the grid."""
     ratio: float = param(0.1, lo=1e-3, hi=1.0, soft=(0.02, 0.5), label="Spread, max")
     """Converted when the place is known to this part of the range. An arc is no ellipse: at 0.3, as
     for rays, its ends lie off the tangent by more than a range is known to."""
 
     def __post_init__(self) -> None:
-        demand_order(self, "min_particles", "particles")
+        demand_order(self)
 
     def successor(self) -> FeatureModel:
         return Point2D()

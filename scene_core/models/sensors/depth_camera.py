@@ -44,7 +44,13 @@ class DepthCamera(Camera):
     )
     """What is added to it, times the square of the depth. 0: the same at every depth."""
     reach_min: float = param(
-        0.3, unit="m", lo=1e-3, hi=1000.0, soft=(0.05, 2.0), label="Reach, min"
+        0.3,
+        unit="m",
+        lo=1e-3,
+        hi=1000.0,
+        soft=(0.05, 2.0),
+        label="Reach, min",
+        below="reach_max",
     )
     """Points of less depth have none that can be measured."""
     reach_max: float = param(
@@ -53,7 +59,7 @@ class DepthCamera(Camera):
     """Points of more depth have none that can be measured."""
 
     def __post_init__(self) -> None:
-        demand_order(self, "reach_min", "reach_max", apart=True)
+        demand_order(self)
 
     @property
     def limits(self) -> tuple[tuple[float, float], ...]:

@@ -35,7 +35,13 @@ class PlanarRange(Sensor):
     sd: float = param(0.1, unit="m", lo=1e-6, hi=100.0, soft=(0.01, 1.0), label="Noise")
     """Standard deviation of a measured range."""
     reach_min: float = param(
-        0.1, unit="m", lo=1e-3, hi=1000.0, soft=(0.01, 2.0), label="Reach, min"
+        0.1,
+        unit="m",
+        lo=1e-3,
+        hi=1000.0,
+        soft=(0.01, 2.0),
+        label="Reach, min",
+        below="reach_max",
     )
     """Points nearer than this are not measured."""
     reach_max: float = param(
@@ -44,7 +50,7 @@ class PlanarRange(Sensor):
     """Points farther than this are not measured."""
 
     def __post_init__(self) -> None:
-        demand_order(self, "reach_min", "reach_max", apart=True)
+        demand_order(self)
 
     @property
     def limits(self) -> tuple[tuple[float, float], ...]:

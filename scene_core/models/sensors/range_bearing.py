@@ -37,7 +37,13 @@ class RangeBearing(Sensor):
     )
     """Standard deviation of a measured bearing."""
     reach_min: float = param(
-        0.1, unit="m", lo=1e-3, hi=1000.0, soft=(0.01, 2.0), label="Reach, min"
+        0.1,
+        unit="m",
+        lo=1e-3,
+        hi=1000.0,
+        soft=(0.01, 2.0),
+        label="Reach, min",
+        below="reach_max",
     )
     """Points nearer than this are not seen."""
     reach_max: float = param(
@@ -50,7 +56,7 @@ class RangeBearing(Sensor):
     """Full opening angle, symmetric about the sensor's z axis."""
 
     def __post_init__(self) -> None:
-        demand_order(self, "reach_min", "reach_max", apart=True)
+        demand_order(self)
 
     @property
     def limits(self) -> tuple[tuple[float, float], ...]:

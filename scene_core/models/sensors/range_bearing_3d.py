@@ -44,7 +44,13 @@ class RangeBearingElevation(Sensor):
     )
     """Standard deviation of a measured elevation."""
     reach_min: float = param(
-        0.1, unit="m", lo=1e-3, hi=1000.0, soft=(0.01, 2.0), label="Reach, min"
+        0.1,
+        unit="m",
+        lo=1e-3,
+        hi=1000.0,
+        soft=(0.01, 2.0),
+        label="Reach, min",
+        below="reach_max",
     )
     """Points nearer than this are not seen."""
     reach_max: float = param(
@@ -61,7 +67,7 @@ class RangeBearingElevation(Sensor):
     """Points higher or lower than this are not seen."""
 
     def __post_init__(self) -> None:
-        demand_order(self, "reach_min", "reach_max", apart=True)
+        demand_order(self)
 
     @property
     def limits(self) -> tuple[tuple[float, float], ...]:
