@@ -15,9 +15,11 @@ import numpy as np
 from scene_core.models.base import FeatureModel, InternalMeasurementModel, MotionModel, Sensor
 from scene_core.models.guard import is_guarded, unbatched, watched
 from scene_core.models.judge import Law, Line, Report, run
+from scene_core.models.laws_feature import feature_laws
+from scene_core.models.laws_internal import internal_laws
 from scene_core.models.laws_lines import line_laws
-from scene_core.models.laws_motion import internal_laws, motion_laws
-from scene_core.models.laws_observation import feature_laws, sensor_laws
+from scene_core.models.laws_motion import motion_laws
+from scene_core.models.laws_sensor import sensor_laws
 from scene_core.models.registry import kind_of
 
 __all__ = ["Line", "Report", "check", "no_default"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,10 @@ from scene_core.models.labels import quaternions
 
 Law = tuple[str, Callable[[], str]]
 """A law in words, and a test that returns what is wrong, or nothing."""
+COUNT = 12
+"""Rows that batched functions are tried with."""
+DRAWS = 1500
+"""Draws that a noise is judged by."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +53,11 @@ class Report:
             for line in self.lines
         ]
         return "\n".join([head, *marks, *(f"  note {remark}" for remark in self.remarks)])
+
+
+def tried(trial: Any, laws: Sequence[tuple[str, Callable[[Any], str]]]) -> list[Law]:
+    """Laws about anything, ready to be tried on this."""
+    return [(law, partial(test, trial)) for law, test in laws]
 
 
 def run(model: str, kind: str, laws: Sequence[Law]) -> Report:
@@ -187,6 +197,14 @@ def sample_pose(space: Space, rng: np.random.Generator) -> Vec:
     return sample_state(space.labels, space.units, rng)
 
 
+def sample_rays(space: Space, rng: np.random.Generator) -> Vec:
+    """Random points X (COUNT, d+1) in a sensor's frame: unit rays, w from 0.2 to 1.5 1/m."""
+    X = rng.standard_normal((COUNT, space.d + 1))
+    X[:, :-1] /= np.linalg.norm(X[:, :-1], axis=-1, keepdims=True)
+    X[:, -1] = rng.uniform(0.2, 1.5, COUNT)
+    return X
+
+
 def not_covariance(name: str, P: Mat, n: int) -> str:
     """Why P is not a covariance matrix (..., n, n), or nothing."""
     P = np.asarray(P)
@@ -231,6 +249,23 @@ def not_equal(
         if worst > tol * max(1.0, np.abs(b).max(initial=0.0))
         else ""
     )
+
+
+def not_batched_alike(
+    name: str, function: Callable[..., Any], args: tuple[Vec, ...], batch: tuple[bool | int, ...]
+) -> str:
+    """Why a batch of COUNT gives something else than its rows one by one, or nothing; `batch` says
+    which arguments have a row for each."""
+    together = function(*args)
+    problems = []
+    for row in range(COUNT):
+        alone = function(*(a[row] if b else a for a, b in zip(args, batch, strict=True)))
+        for part, (whole, single) in enumerate(zip(together, alone, strict=True)):
+            if whole is None or single is None:
+                continue
+            at_row = np.broadcast_to(whole, (COUNT, *np.shape(single)))[row]
+            problems.append(not_equal(f"{name}, result {part}", at_row, single))
+    return first(problems)
 
 
 def first(problems: Sequence[str]) -> str:

@@ -1,15 +1,17 @@
-"""What a motion model or an internal measurement model must obey."""
+"""What a motion model must obey."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from scene_core.arrays import Mat, Vec
 from scene_core.geometry.spaces import relative
-from scene_core.models.base import Fault, InternalMeasurementModel, MotionModel, Transition
+from scene_core.models.base import MotionModel, Transition
 from scene_core.models.judge import (
+    DRAWS,
     Law,
     angles_of,
     awkward_states,
@@ -23,183 +25,167 @@ from scene_core.models.judge import (
     paired,
     sample_pose,
     sample_state,
-    with_unit_quaternion,
+    tried,
 )
 
 DT = 0.05
-DRAWS = 1500
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """A motion model, and what it is tried at."""
+
+    model: MotionModel
+    rng: np.random.Generator
+    states: list[Vec]
+    xpdefs: list[Vec]
+    """New origins, one for every state."""
+    us: list[Vec]
+    """Controls, one for every state; the last two are zero."""
+
+    @property
+    def angles(self) -> np.ndarray:
+        return angles_of(self.model.state_units)
+
+    @property
+    def pose_angles(self) -> np.ndarray:
+        return angles_of(self.model.space.units)
+
+    @property
+    def k0(self) -> Vec:
+        return np.asarray(self.model.calib0)
+
+    def step(self, xv: Vec, u: Vec, k: Vec) -> Transition:
+        return self.model.f(xv, u, DT, k)
 
 
 def motion_laws(model: MotionModel, rng: np.random.Generator) -> list[Law]:
     """The laws of a motion model, ready to be tried."""
-    n, angles = model.state_size, angles_of(model.state_units)
     states = awkward_states(model.state_labels, model.state_units, rng)
     xpdefs = [sample_pose(model.space, rng) for _ in states]
     us = [0.3 * rng.standard_normal(len(model.control_labels)) for _ in states[:-2]]
     us += [np.zeros(len(model.control_labels))] * 2
-    k0 = np.asarray(model.calib0)
-    pose_angles = angles_of(model.space.units)
+    return tried(_Trial(model, rng, states, xpdefs, us), _LAWS)
 
-    def declared() -> str:
-        return first(
-            [
-                paired("state", model.state_labels, model.state_units),
-                paired("control", model.control_labels, model.control_units),
-                paired("calibration", model.calib_labels, model.calib_units),
-                not_equal(
-                    "calib0's length", np.array(k0.shape), np.array([len(model.calib_labels)])
-                ),
-                "" if "base" in model.hooks else "there is no hook 'base'",
-            ]
-        )
 
-    def step(xv: Vec, u: Vec, k: Vec) -> Transition:
-        return model.f(xv, u, DT, k)
+def _declared(t: _Trial) -> str:
+    model = t.model
+    length = np.array([len(model.calib_labels)])
+    return first(
+        [
+            paired("state", model.state_labels, model.state_units),
+            paired("control", model.control_labels, model.control_units),
+            paired("calibration", model.calib_labels, model.calib_units),
+            not_equal("calib0's length", np.array(t.k0.shape), length),
+            "" if "base" in model.hooks else "there is no hook 'base'",
+        ]
+    )
 
-    def process() -> str:
-        problems = []
-        for xv, u in zip(states, us, strict=True):
-            names = ("dfv_by_dxv", "dfv_by_du", "dfv_by_dk")
-            scales = (np.maximum(1.0, np.abs(xv)), np.ones(len(u)), own_scale(k0))
-            problems.append(judge_jacobians(names, step, (xv, u, k0), angles, scales))
-            problems.append(not_shaped("fv", model.f(xv, u, DT, k0).fv, (n,)))
-        return first(problems)
 
-    def noise() -> str:
-        xv, u = states[0], us[0]
-        return first(
-            [
-                not_covariance("Q", model.Q(xv, u, DT, k0), n),
-                not_covariance("U", model.U(u, DT), len(u)),
-                not_covariance("U_unknown", model.U_unknown(DT), len(u)),
-            ]
-        )
+def _process(t: _Trial) -> str:
+    problems = []
+    for xv, u in zip(t.states, t.us, strict=True):
+        names = ("dfv_by_dxv", "dfv_by_du", "dfv_by_dk")
+        scales = (np.maximum(1.0, np.abs(xv)), np.ones(len(u)), own_scale(t.k0))
+        problems.append(judge_jacobians(names, t.step, (xv, u, t.k0), t.angles, scales))
+        problems.append(not_shaped("fv", t.step(xv, u, t.k0).fv, (t.model.state_size,)))
+    return first(problems)
 
-    def position() -> str:
-        problems = []
-        for hook in model.hooks:
-            for xv in states:
-                problems.append(not_shaped("xp", model.xp(xv, hook).xp, (model.space.n,)))
-                at_hook = partial(model.xp, hook=hook)
-                problems.append(judge_jacobians(["dxp_by_dxv"], at_hook, (xv,), pose_angles))
-        return first(problems)
 
-    def redefinition() -> str:
-        problems = []
-        for xv, xpdef in zip(states, xpdefs, strict=True):
-            names = ("dxvredef_by_dxv", "dxvredef_by_dxpdef")
-            problems.append(judge_jacobians(names, model.redefine, (xv, xpdef), angles))
-            r = model.redefine(xv, xpdef)
-            seen = relative(model.space, xpdef, model.xp(xv).xp).x
-            problems.append(not_equal("xp in new axes", model.xp(r.value).xp, seen, pose_angles))
-        return first(problems)
+def _noise(t: _Trial) -> str:
+    xv, u = t.states[0], t.us[0]
+    return first(
+        [
+            not_covariance("Q", t.model.Q(xv, u, DT, t.k0), t.model.state_size),
+            not_covariance("U", t.model.U(u, DT), len(u)),
+            not_covariance("U_unknown", t.model.U_unknown(DT), len(u)),
+        ]
+    )
 
-    def invariance() -> str:
-        if model.world_fixed:
-            return ""
-        problems = []
-        for xv, xpdef, u in zip(states, xpdefs, us, strict=True):
-            after = model.redefine(model.f(xv, u, DT, k0).fv, xpdef).value
-            before = model.f(model.redefine(xv, xpdef).value, u, DT, k0).fv
-            problems.append(not_equal("moving in new axes", before, after, angles))
-        return first(problems)
 
-    def constraint() -> str:
-        problems = []
-        for xv in states:
-            off = xv * 1.01
-            problems.append(judge_jacobians(["dxvnorm_by_dxv"], model.normalise, (off,), angles))
-            once = model.normalise(off)
-            again = model.normalise(once.value).value
-            problems.append(not_equal("normalising twice", again, once.value, angles))
-            problems.append(
-                not_equal("normalising a proper state", model.normalise(xv).value, xv, angles)
-            )
-        return first(problems)
+def _position(t: _Trial) -> str:
+    model, problems = t.model, []
+    for hook in model.hooks:
+        for xv in t.states:
+            problems.append(not_shaped("xp", model.xp(xv, hook).xp, (model.space.n,)))
+            at_hook = partial(model.xp, hook=hook)
+            problems.append(judge_jacobians(["dxp_by_dxv"], at_hook, (xv,), t.pose_angles))
+    return first(problems)
+
+
+def _redefinition(t: _Trial) -> str:
+    model, problems = t.model, []
+    for xv, xpdef in zip(t.states, t.xpdefs, strict=True):
+        names = ("dxvredef_by_dxv", "dxvredef_by_dxpdef")
+        problems.append(judge_jacobians(names, model.redefine, (xv, xpdef), t.angles))
+        moved = model.xp(model.redefine(xv, xpdef).value).xp
+        seen = relative(model.space, xpdef, model.xp(xv).xp).x
+        problems.append(not_equal("xp in new axes", moved, seen, t.pose_angles))
+    return first(problems)
+
+
+def _invariance(t: _Trial) -> str:
+    model, problems = t.model, []
+    if model.world_fixed:
+        return ""
+    for xv, xpdef, u in zip(t.states, t.xpdefs, t.us, strict=True):
+        after = model.redefine(t.step(xv, u, t.k0).fv, xpdef).value
+        before = t.step(model.redefine(xv, xpdef).value, u, t.k0).fv
+        problems.append(not_equal("moving in new axes", before, after, t.angles))
+    return first(problems)
+
+
+def _constraint(t: _Trial) -> str:
+    normalise, angles, problems = t.model.normalise, t.angles, []
+    for xv in t.states:
+        off = xv * 1.01
+        once = normalise(off).value
+        problems += [
+            judge_jacobians(["dxvnorm_by_dxv"], normalise, (off,), angles),
+            not_equal("normalising twice", normalise(once).value, once, angles),
+            not_equal("normalising a proper state", normalise(xv).value, xv, angles),
+        ]
+    return first(problems)
+
+
+def _lifting(t: _Trial) -> str:
+    model, problems = t.model, []
 
     def lifted(xp: Vec) -> tuple[Vec, Mat]:
+        return model.lift(xp)[:2]
+
+    for xp in t.xpdefs:
         up = model.lift(xp)
-        return up.xv, up.dxv_by_dxp
-
-    def lifting() -> str:
-        problems = []
-        for xp in xpdefs:
-            up = model.lift(xp)
-            problems.append(
-                not_equal("xp of the lifted state", model.xp(up.xv).xp, xp, pose_angles)
-            )
-            problems.append(
-                judge_jacobians(["dxv_by_dxp"], lambda xp: model.lift(xp)[:2], (xp,), angles)
-            )
-            problems.append(not_covariance("P_rest", up.P_rest, n))
-        return first(problems)
-
-    def noisy() -> str:
-        xv, u = sample_state(model.state_labels, model.state_units, rng), us[0]
-        result = model.f(xv, u, DT, k0)
-        G = result.dfv_by_du
-        if G is None:
-            return ""
-        J = model.normalise(result.fv).jacobian
-        P = G @ model.U(u, DT) @ G.T + model.Q(xv, u, DT, k0)
-        P = P if J is None else J @ P @ J.T
-        draws = np.array([model.f_noisy(xv, u, DT, k0, rng) for _ in range(DRAWS)])
-        return not_spread_like(draws, result.fv, P, angles)
-
-    return [
-        ("labels, units and calibration have matching lengths", declared),
-        ("f has the right Jacobians, finite at rest", process),
-        ("Q, U and U_unknown are covariances", noise),
-        ("xp is a position state with its Jacobian", position),
-        ("redefine is a change of axes with its Jacobians", redefinition),
-        ("moving and changing axes commute", invariance),
-        ("normalise is a projection with its Jacobian", constraint),
-        ("lift keeps the position state", lifting),
-        ("f_noisy spreads as Q and U say", noisy),
-    ]
+        problems += [
+            not_equal("xp of the lifted state", model.xp(up.xv).xp, xp, t.pose_angles),
+            judge_jacobians(["dxv_by_dxp"], lifted, (xp,), t.angles),
+            not_covariance("P_rest", up.P_rest, model.state_size),
+        ]
+    return first(problems)
 
 
-def internal_laws(model: InternalMeasurementModel, rng: np.random.Generator) -> list[Law]:
-    """The laws of an internal measurement model, ready to be tried."""
-    m, angles = model.measurement_size, angles_of(model.units)
-    states = [
-        with_unit_quaternion(model.needs, rng.standard_normal(len(model.needs))) for _ in range(5)
-    ]
+def _noisy(t: _Trial) -> str:
+    model, k0 = t.model, t.k0
+    xv, u = sample_state(model.state_labels, model.state_units, t.rng), t.us[0]
+    result = t.step(xv, u, k0)
+    G = result.dfv_by_du
+    if G is None:
+        return ""
+    J = model.normalise(result.fv).jacobian
+    P = G @ model.U(u, DT) @ G.T + model.Q(xv, u, DT, k0)
+    P = P if J is None else J @ P @ J.T
+    draws = np.array([model.f_noisy(xv, u, DT, k0, t.rng) for _ in range(DRAWS)])
+    return not_spread_like(draws, result.fv, P, t.angles)
 
-    def function() -> str:
-        problems = []
-        for needed in states:
-            problems.append(judge_jacobians(["dhv"], model.h, (needed,), angles))
-            problems.append(not_shaped("hv", model.h(needed).hv, (m,)))
-        rest = model.h(with_unit_quaternion(model.needs, np.zeros(len(model.needs))))
-        if not all(np.isfinite(part).all() for part in rest if part is not None):
-            problems.append("h is not finite at zero")
-        return first(problems)
 
-    def noise() -> str:
-        hv = model.h(states[0]).hv
-        turned = model.nu(hv, hv + 2.0 * np.pi * angles)
-        return first(
-            [
-                not_equal("nu(h, h)", model.nu(hv, hv), np.zeros(m)),
-                not_equal("nu after a full turn", turned, np.zeros(m)),
-                not_covariance("R", model.R(hv), m),
-            ]
-        )
-
-    def feasibility() -> str:
-        wrong = [s for s in states if not isinstance(model.feasible(s, model.h(s).hv), Fault)]
-        return "feasible does not return a Fault" if wrong else ""
-
-    def noisy() -> str:
-        hv = model.h(states[0]).hv
-        draws = np.array([model.h_noisy(states[0], rng) for _ in range(DRAWS)])
-        return not_spread_like(draws, hv, model.R(hv), angles)
-
-    return [
-        ("labels and units have matching lengths", lambda: paired("", model.labels, model.units)),
-        ("h has the right Jacobian, finite at zero", function),
-        ("R is a covariance, nu(h, h) is zero, angles wrap", noise),
-        ("feasible returns a Fault", feasibility),
-        ("h_noisy spreads as R says", noisy),
-    ]
+_LAWS = (
+    ("labels, units and calibration have matching lengths", _declared),
+    ("f has the right Jacobians, finite at rest", _process),
+    ("Q, U and U_unknown are covariances", _noise),
+    ("xp is a position state with its Jacobian", _position),
+    ("redefine is a change of axes with its Jacobians", _redefinition),
+    ("moving and changing axes commute", _invariance),
+    ("normalise is a projection with its Jacobian", _constraint),
+    ("lift keeps the position state", _lifting),
+    ("f_noisy spreads as Q and U say", _noisy),
+)

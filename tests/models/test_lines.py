@@ -1,5 +1,7 @@
 """What the parametrisations of straight lines have in common, and where they differ."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from scene_core.models.features.anchored_plucker_line import AnchoredPluckerLine
 from scene_core.models.features.homogeneous_line import HomogeneousLine
 from scene_core.models.features.inverse_depth_line import InverseDepthLine
 from scene_core.models.features.plucker_line import PluckerLine
+from scene_core.models.straight_line import cut
 
 ANCHORED = [InverseDepthLine(), AnchoredHomogeneousLine(), AnchoredPluckerLine()]
 LINES = [*ANCHORED, InverseDepthLine(pole="y"), PluckerLine(), HomogeneousLine()]
@@ -177,3 +180,52 @@ def test_what_is_drawn_has_the_spread_of_samples(model):
         np.testing.assert_allclose(at[end], places[:, end].mean(axis=0), atol=1e-3)
         sample = np.cov(places[:, end].T)
         np.testing.assert_allclose(cov[end], sample, atol=0.1 * np.trace(sample))
+
+
+# What follows breaks one promise each. They inherit from concrete models, which nothing else may.
+
+
+@dataclass(frozen=True)
+class MeasuresAlongTheFirst(InverseDepthLine):
+    """Right for one line; of many it lays the rays against the first."""
+
+    def along(self, y, origin, rays):
+        X = self.primitive(np.atleast_2d(y)[0]).X
+        return cut(X, origin, rays)
+
+
+@dataclass(frozen=True)
+class EndsOfTheFirst(InverseDepthLine):
+    def ends(self, y, t):
+        return super().ends(y, np.broadcast_to(np.atleast_2d(t)[0], np.shape(t)))
+
+
+@dataclass(frozen=True)
+class CountsBackwards(HomogeneousLine):
+    def along(self, y, origin, rays):
+        return 1.0 - super().along(y, origin, rays)
+
+
+@dataclass(frozen=True)
+class LeavesConstraint(PluckerLine):
+    """Imposes n . v = 0, and says that nothing else changed."""
+
+    def normalise(self, y):
+        return super().normalise(y)._replace(jacobian=np.broadcast_to(np.eye(6), (*y.shape, 6)))
+
+
+@pytest.mark.parametrize(
+    ("model", "law", "detail"),
+    [
+        (MeasuresAlongTheFirst, "one by one", "along, result 0"),
+        (EndsOfTheFirst, "one by one", "ends, result 0"),
+        (CountsBackwards, "same places", "along, towards what ends gave"),
+        (LeavesConstraint, "normalise", "dynorm_by_dy"),
+    ],
+    ids=lambda m: getattr(m, "__name__", ""),
+)
+def test_a_line_that_breaks_a_promise_is_found_and_named(model, law, detail):
+    report = check(model)
+    failed = [line for line in report.lines if not line.ok and law in line.law]
+    assert failed, str(report)
+    assert any(detail in line.detail for line in failed), str(report)
