@@ -14,7 +14,15 @@ from typing import Any
 
 from scene_core import params
 from scene_core.models import registry
-from scene_core.models.plugins import UserFile, UserModel, in_time, installed, load_file
+from scene_core.models.declared import declares_models
+from scene_core.models.plugins import (
+    UserFile,
+    UserModel,
+    in_time,
+    installed,
+    load_file,
+    without_model,
+)
 from scene_core.models.registry import KINDS
 
 POLL_S = 0.25
@@ -37,7 +45,9 @@ class Library:
         self._good: dict[tuple[str, str, str], UserModel] = {}
         """The last conforming version by file, kind and name."""
         self.files: tuple[UserFile, ...] = ()
-        """All files as they were last saved, with clashes named."""
+        """All files with models as they were last saved, with clashes named."""
+        self.others: tuple[str, ...] = ()
+        """Names of the files that declare no model: they are not executed."""
         self._seen = self._stamps()
         self._load(self._seen)
 
@@ -54,13 +64,16 @@ class Library:
         if not changed and not gone:
             return ()
         for path in gone:
-            name = self._files.pop(path).name
             del self._loaded[path]
-            self._good = {k: m for k, m in self._good.items() if k[0] != name}
+            self._good = {k: m for k, m in self._good.items() if k[0] != path.name}
+        lost = [path for path in gone if self._files.pop(path, None) is not None]
         self._load(changed)
         names = {path.name for path in changed}
         said = [_saved(f, self._offered_of(f.name)) for f in self.files if f.name in names]
-        said += [f"{p.name} is gone: its models are not offered any more" for p in gone]
+        said += [f"{p.name} is gone: its models are not offered any more" for p in lost]
+        said += [
+            f"{name} declares no model: it was not run" for name in self.others if name in names
+        ]
         return tuple(said)
 
     def _stamps(self) -> dict[Path, tuple[int, int]]:
@@ -82,8 +95,12 @@ class Library:
 
     def _load(self, stamps: Mapping[Path, tuple[int, int]]) -> None:
         for path, stamp in stamps.items():
-            self._files[path] = in_time(path.name, lambda p=path: load_file(p))
             self._loaded[path] = stamp
+            if declares_models(path):
+                self._files[path] = in_time(path.name, lambda p=path: load_file(p))
+            elif path in self._files:
+                self._files[path] = without_model(path.name)
+        self.others = tuple(p.name for p in sorted(self._loaded) if p not in self._files)
         self._offer()
 
     def _offer(self) -> None:

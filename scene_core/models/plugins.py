@@ -168,13 +168,15 @@ def _classes(module: ModuleType) -> list[type[Any]]:
 
 def _file_of(name: str, classes: list[type[Any]], lines: Mapping[str, int]) -> UserFile:
     models = [_model(name, lines.get(c.__name__, 0), c) for c in classes]
-    if not models:
-        bases = ", ".join(base.__name__ for base in KINDS.values())
-        return UserFile(
-            name,
-            problem=f"{name} defines no model: derive a frozen dataclass from one of {bases}",
-        )
-    return UserFile(name, tuple(models))
+    return UserFile(name, tuple(models)) if models else without_model(name)
+
+
+def without_model(name: str) -> UserFile:
+    """A file in which there is nothing to use."""
+    bases = ", ".join(base.__name__ for base in KINDS.values())
+    return UserFile(
+        name, problem=f"{name} defines no model: derive a frozen dataclass from one of {bases}"
+    )
 
 
 def _model(file: str, line: int, cls: type[Any]) -> UserModel:

@@ -52,7 +52,17 @@ def library_of(folder: str) -> Library | None:
     library = Library(folder or None)
     for problem in problems(library.files):
         print(f"scene: {problem}", file=sys.stderr)
+    if library.others:
+        print(f"scene: {passed_over(folder, library.others)}", file=sys.stderr)
     return library if library.files or folder else None
+
+
+def passed_over(folder: str, names: Sequence[str]) -> str:
+    """One short line about the files of a folder that declare no model."""
+    shown = ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
+    files = "1 file declares" if len(names) == 1 else f"{len(names)} files declare"
+    was = "was" if len(names) == 1 else "were"
+    return f"--models {folder}: {files} no model and {was} not run ({shown})"
 
 
 def problems(files: Sequence[UserFile]) -> list[str]:

@@ -202,7 +202,7 @@ def test_a_file_that_never_ends_is_left_out(folder: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(plugins, "PATIENCE_S", 0.4)
     stop = folder / "stop"
     wait = f"while not __import__('os').path.exists({str(stop)!r}): __import__('time').sleep(0.01)"
-    write(folder, wait, "a.py")
+    write(folder, MINE + wait, "a.py")
     write(
         folder, MINE + f"    def U(self, u, dt):\n        {wait}\n        return np.eye(2)", "b.py"
     )

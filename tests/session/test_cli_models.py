@@ -112,14 +112,30 @@ def test_the_table_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     assert "pinhole + Euclidean point: observing only" in out
 
 
+def test_scripts_among_the_models_are_one_line_and_are_not_run(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """A file that is given by name is tried all the same."""
+    code, _, err = run(capsys, "models", "--models", str(EXAMPLES))
+    others = "4 files declare no model and were not run (01_first_run.py, 02_wrong_on_purpose.py, "
+    assert code == 0 and err.count("\n") == 1 and others in err
+    script = tmp_path / "script.py"
+    script.write_text("raise SystemExit('never')", encoding="utf-8")
+    code, out, err = run(capsys, "models", "--models", str(tmp_path))
+    assert code == 0 and err.endswith("1 file declares no model and was not run (script.py)\n")
+    code, out, _ = run(capsys, "check", str(script))
+    assert code == 1 and out.startswith("script.py, line 1: SystemExit: never")
+
+
 def test_a_run_with_a_model_of_ones_own(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     folder = tmp_path / "mine"
     folder.mkdir()
     (folder / "landmark.py").write_bytes((EXAMPLES / "my_landmark.py").read_bytes())
-    (folder / "broken.py").write_text("1 / 0", encoding="utf-8")
+    broken = WRONG.replace("@dataclass", "1 / 0\n@dataclass")
+    (folder / "broken.py").write_text(broken, encoding="utf-8")
     code, out, err = run(capsys, "models", "--json", "--models", str(folder))
     assert code == 0 and "polar point" in json.loads(out)["landmarks"]
-    assert err == "scene: broken.py, line 1: ZeroDivisionError: division by zero\n"
+    assert err == "scene: broken.py, line 7: ZeroDivisionError: division by zero\n"
     session = Session(presets.build("nomad"))
     session.apply(SwapModel(LANDMARK, "polar point"))
     settings = tmp_path / "mine.toml"
