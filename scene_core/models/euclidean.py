@@ -32,9 +32,7 @@ def initialise(space: Space, xws: Vec, X: Vec) -> Initialised:
 
 def primitive(space: Space, y: Vec) -> Primitive:
     """X = (y, 1)."""
-    X = np.ones((*y.shape[:-1], space.d + 1))
-    X[..., : space.d] = y
-    return Primitive(X, np.eye(space.d + 1)[:, : space.d])
+    return Primitive(with_w(y, 1.0), np.eye(space.d + 1)[:, : space.d])
 
 
 def redefine(space: Space, y: Vec, xpdef: Vec) -> Redefined:
@@ -42,3 +40,10 @@ def redefine(space: Space, y: Vec, xpdef: Vec) -> Redefined:
     seen = space.to_local(xpdef, primitive(space, y).X)
     d = space.d
     return Redefined(seen.X[..., :d], seen.by_X[..., :d, :d], seen.by_xp[..., :d, :])
+
+
+def with_w(m: Vec, w: float) -> Vec:
+    """X = (m, w) (..., d+1) of m (..., d): points for w = 1, directions for w = 0."""
+    X = np.full((*m.shape[:-1], m.shape[-1] + 1), w)
+    X[..., :-1] = m
+    return X

@@ -1,4 +1,5 @@
-"""What bodies in space share: a turn by a rotation vector, a change of axes, a start at rest.
+"""What bodies in space share: a turn by a rotation vector, a step, a change of axes, a start at
+rest.
 
 The state of a body starts with its pose (x, y, z, qw, qx, qy, qz) [m, 1]; the vectors that follow
 are given in the world or in the body.
@@ -32,6 +33,23 @@ def turned(q: Vec, theta: Vec) -> Turned:
     turn, dturn = quaternion.from_rotation_vector(theta)
     left = quaternion.left_matrix(q)
     return Turned(left @ turn, quaternion.right_matrix(turn), left @ dturn)
+
+
+class Stepped(NamedTuple):
+    """A pose (7,) with its Jacobians by the pose before (7, 7) and by the step (7, 6)."""
+
+    xp: Vec
+    by_xp: Mat
+    by_step: Mat
+
+
+def stepped(xp: Vec, step: Vec) -> Stepped:
+    """(r + R(q) dr, q * q(a)): the pose xp after step = (dr, a) [m, rad] in the body, a a rotation
+    vector."""
+    turn, dturn = quaternion.from_rotation_vector(step[3:])
+    moved = THREE_D.compose(xp, np.concatenate([step[:3], turn]))
+    by_step = np.concatenate([moved.by_b[:, :3], moved.by_b[:, 3:] @ dturn], axis=1)
+    return Stepped(moved.x, moved.by_a, by_step)
 
 
 def redefine(xv: Vec, xpdef: Vec, in_world: Sequence[int] = ()) -> Redefined:

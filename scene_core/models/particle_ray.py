@@ -24,6 +24,7 @@ from scene_core.models.base import (
     Redefined,
     Settled,
 )
+from scene_core.models.euclidean import with_w
 from scene_core.models.ordered import demand_order
 from scene_core.models.ray_point import first_view
 from scene_core.params import param
@@ -126,8 +127,8 @@ class ParticleRay(FeatureModel):
 
     def redefine(self, y: Vec, xpdef: Vec) -> Redefined:
         d = self.space.d
-        at = self.space.to_local(xpdef, _with_w(y[..., :d], 1.0))
-        ray = self.space.to_local(xpdef, _with_w(y[..., d:], 0.0))
+        at = self.space.to_local(xpdef, with_w(y[..., :d], 1.0))
+        ray = self.space.to_local(xpdef, with_w(y[..., d:], 0.0))
         value = np.concatenate([at.X[..., :d], ray.X[..., :d]], axis=-1)
         by_state = np.zeros((*y.shape, 2 * d))
         by_state[..., :d, :d] = at.by_X[..., :d, :d]
@@ -196,7 +197,3 @@ class ParticleRay(FeatureModel):
         by_y[..., range(d), range(d, 2 * d)] = depth
         by_lam = u if in_depth else -(depth**2) * u
         return Settled(r + depth * u, by_y, by_lam[..., None])
-
-
-def _with_w(m: Vec, w: float) -> Vec:
-    return np.concatenate([m, np.full_like(m[..., :1], w)], axis=-1)

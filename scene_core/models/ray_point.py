@@ -17,12 +17,13 @@ from scene_core.arrays import Mat, Vec
 from scene_core.geometry.spaces import Space
 from scene_core.models.base import (
     Converted,
-    FeatureModel,
     Glyphs,
     Initialised,
     Primitive,
     Redefined,
 )
+from scene_core.models.euclidean import with_w
+from scene_core.models.rho_prior import RhoPrior
 from scene_core.params import param
 
 
@@ -49,7 +50,7 @@ class FirstView(NamedTuple):
 
 
 @dataclass(frozen=True)
-class RayPoint(FeatureModel):
+class RayPoint(RhoPrior):
     """X = (rho x0 + m(c), rho), converted to its coordinates p = x0 + m / rho once
 
         Ld = 4 sigma_rho / rho^2 / |p - c| |cos(m, p - c)| < linearity,
@@ -60,31 +61,12 @@ class RayPoint(FeatureModel):
     `linearTest`.
     """
 
-    unmeasured = ("rho",)
-
-    rho_mean: float = param(
-        0.01, unit="1/m", lo=1e-6, hi=100.0, soft=(0.001, 2.0), effect="next feature", label="Prior"
-    )
-    """Inverse distance of a new feature."""
-    rho_sd: float = param(
-        0.5,
-        unit="1/m",
-        lo=1e-6,
-        hi=100.0,
-        soft=(0.01, 2.0),
-        effect="next feature",
-        label="Prior sd",
-    )
-    """Its standard deviation: two of them should reach the inverse of the nearest distance."""
     linearity: float = param(0.1, lo=0.0, hi=10.0, soft=(0.0, 0.5), label="Linearity")
     """Converted to Euclidean coordinates below this linearity index. 0: never."""
     rho_min: float = param(0.001, unit="1/m", lo=1e-9, hi=1.0, soft=(1e-4, 0.1))
     """An update that puts the point behind its own ray leaves it at this inverse distance."""
     far: float = param(20.0, unit="m", lo=0.1, hi=1e5, soft=(2.0, 100.0), label="Rays drawn to")
     """The uncertain depth is drawn no farther than this."""
-
-    def prior(self) -> tuple[Vec, Mat]:
-        return np.array([self.rho_mean]), np.array([[self.rho_sd**2]])
 
     @abstractmethod
     def direction(self, y: Vec) -> tuple[Vec, Mat]:
@@ -133,8 +115,8 @@ class RayPoint(FeatureModel):
     def redefine(self, y: Vec, xpdef: Vec) -> Redefined:
         d = self.space.d
         m, by_c = self.direction(y)
-        anchor = self.space.to_local(xpdef, _with_w(y[..., :d], 1.0))
-        ray = self.space.to_local(xpdef, _with_w(m, 0.0))
+        anchor = self.space.to_local(xpdef, with_w(y[..., :d], 1.0))
+        ray = self.space.to_local(xpdef, with_w(m, 0.0))
         c, by_m = self.coordinates(ray.X[..., :d])
         value = np.concatenate([anchor.X[..., :d], c, y[..., -1:]], axis=-1)
         by_state = np.zeros((*y.shape, y.shape[-1]))
@@ -206,9 +188,3 @@ def linearity_index(m: Vec, rho: Vec, variance: Vec, ray: Vec) -> Vec:
     # |cos(m, ray)| / |ray| = |m . ray| / |ray|^2
     cos_over_d = np.abs(np.vecdot(m, ray)) / np.maximum(np.vecdot(ray, ray), 1e-18)
     return 4.0 * np.sqrt(np.maximum(variance, 0.0)) / np.maximum(rho, 1e-9) ** 2 * cos_over_d
-
-
-def _with_w(m: Vec, w: float) -> Vec:
-    X = np.full((*m.shape[:-1], m.shape[-1] + 1), w)
-    X[..., :-1] = m
-    return X

@@ -15,21 +15,20 @@ import numpy as np
 from scene_core.arrays import Mat, Vec
 from scene_core.geometry.numdiff import central_differences
 from scene_core.geometry.spaces import THREE_D
-from scene_core.models.base import FeatureModel, Glyphs
+from scene_core.models.base import Glyphs
+from scene_core.models.rho_prior import RhoPrior
 from scene_core.params import param
 
 
 @dataclass(frozen=True)
-class StraightLine(FeatureModel):
-    """A line of which a first view leaves the inverse distance of both ends to the prior
-    N(rho_mean, rho_sd^2).
+class StraightLine(RhoPrior):
+    """A line of which a first view leaves the inverse distance of both ends to the prior.
 
     Source: Solà, *An EKF-SLAM toolbox in Matlab*, line landmarks and its `userDataLin`.
     """
 
     space = THREE_D
     shape = "segment"
-    unmeasured = ("rho",)
     shown: ClassVar[tuple[float, float]]
     """The part of the line that is drawn when nobody knows how far the segment reaches."""
 
@@ -37,21 +36,8 @@ class StraightLine(FeatureModel):
         0.1, unit="1/m", lo=1e-6, hi=100.0, soft=(0.001, 2.0), effect="next feature", label="Prior"
     )
     """Inverse distance of either end of a new line."""
-    rho_sd: float = param(
-        0.5,
-        unit="1/m",
-        lo=1e-6,
-        hi=100.0,
-        soft=(0.01, 2.0),
-        effect="next feature",
-        label="Prior sd",
-    )
-    """Its standard deviation: two of them should reach the inverse of the nearest distance."""
     far: float = param(20.0, unit="m", lo=0.1, hi=1e5, soft=(2.0, 100.0), label="Drawn to")
     """An end is drawn no farther away than this."""
-
-    def prior(self) -> tuple[Vec, Mat]:
-        return np.full(2, self.rho_mean), self.rho_sd**2 * np.eye(2)
 
     @abstractmethod
     def ends(self, y: Vec, t: Vec) -> Vec: ...

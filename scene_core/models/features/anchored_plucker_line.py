@@ -16,6 +16,7 @@ from scene_core.models.base import (
     Primitive,
     Redefined,
 )
+from scene_core.models.euclidean import with_w
 from scene_core.models.features.plucker_line import PluckerLine
 from scene_core.models.ray_point import linearity_index
 from scene_core.models.straight_line import StraightLine
@@ -77,7 +78,7 @@ class AnchoredPluckerLine(StraightLine):
         return Primitive(_from_anchor(X, y[..., :3]), by_y)
 
     def redefine(self, y: Vec, xpdef: Vec) -> Redefined:
-        place = self.space.to_local(xpdef, np.append(y[..., :3], np.ones((*y.shape[:-1], 1)), -1))
+        place = self.space.to_local(xpdef, with_w(y[..., :3], 1.0))
         turn = plucker.to_local(np.concatenate([np.zeros(3), xpdef[3:]]), y[..., 3:])
         by_state, by_xpdef = np.zeros((*y.shape, 9)), np.zeros((*y.shape, 7))
         by_state[..., :3, :3], by_state[..., 3:, 3:] = place.by_X[..., :3, :3], turn.by_L

@@ -8,12 +8,12 @@ import numpy as np
 
 from scene_core.arrays import Mat, Vec
 from scene_core.geometry.spaces import THREE_D
-from scene_core.models.base import FeatureModel, Glyphs, Initialised, Primitive, Redefined
-from scene_core.params import param
+from scene_core.models.base import Glyphs, Initialised, Primitive, Redefined
+from scene_core.models.rho_prior import RhoPrior
 
 
 @dataclass(frozen=True)
-class HomogeneousPoint(FeatureModel):
+class HomogeneousPoint(RhoPrior):
     """A point of projective space: X = y = (h, rho), p = h / rho
 
     y = (hx, hy, hz, rho) [1, 1/m]. The scale is that of the first view, from t along the unit ray
@@ -37,25 +37,6 @@ class HomogeneousPoint(FeatureModel):
     space = THREE_D
     state_labels = ("hx", "hy", "hz", "rho")
     state_units = ("", "", "", "1/m")
-    unmeasured = ("rho",)
-
-    rho_mean: float = param(
-        0.01, unit="1/m", lo=1e-6, hi=100.0, soft=(0.001, 2.0), effect="next feature", label="Prior"
-    )
-    """Inverse distance of a new feature."""
-    rho_sd: float = param(
-        0.5,
-        unit="1/m",
-        lo=1e-6,
-        hi=100.0,
-        soft=(0.01, 2.0),
-        effect="next feature",
-        label="Prior sd",
-    )
-    """Its standard deviation: two of them should reach the inverse of the nearest distance."""
-
-    def prior(self) -> tuple[Vec, Mat]:
-        return np.array([self.rho_mean]), np.array([[self.rho_sd**2]])
 
     def initialise(self, xws: Vec, X: Vec) -> Initialised:
         """X seen from xws, in the world."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from scene_core.arrays import Mat, Vec
-from scene_core.geometry import quaternion
-from scene_core.geometry.spaces import THREE_D, relative
+from scene_core.geometry.spaces import THREE_D
+from scene_core.models import free_body
 from scene_core.models.base import (
     Lifted,
     MotionModel,
@@ -51,12 +51,8 @@ class BodyRates(MotionModel):
     """Standard deviation of the turn rate while nobody measures it."""
 
     def f(self, xv: Vec, u: Vec, dt: float, k: Vec) -> Transition:
-        turn, dturn = quaternion.from_rotation_vector(u[3:] * dt)
-        step = THREE_D.compose(xv, np.concatenate([u[:3] * dt, turn]))
-        dfv_by_du = np.empty((7, 6))
-        dfv_by_du[:, :3] = step.by_b[:, :3] * dt
-        dfv_by_du[:, 3:] = step.by_b[:, 3:] @ dturn * dt
-        return Transition(step.x, step.by_a, dfv_by_du, np.zeros((7, 0)))
+        moved = free_body.stepped(xv, u * dt)
+        return Transition(moved.xp, moved.by_xp, moved.by_step * dt, np.zeros((7, 0)))
 
     def Q(self, xv: Vec, u: Vec, dt: float, k: Vec) -> Mat:
         return np.zeros((7, 7))
@@ -71,14 +67,13 @@ class BodyRates(MotionModel):
         return PositionState(xv, np.eye(7))
 
     def redefine(self, xv: Vec, xpdef: Vec) -> Redefined:
-        seen = relative(THREE_D, xpdef, xv)
-        return Redefined(seen.x, seen.by_b, seen.by_a)
+        return free_body.redefine(xv, xpdef)
 
     def normalise(self, xv: Vec) -> Normalised:
-        return Normalised(*THREE_D.normalise(xv))
+        return free_body.normalise(xv)
 
     def lift(self, xp: Vec) -> Lifted:
-        return Lifted(xp, np.eye(7), np.zeros((7, 7)))
+        return free_body.at_rest(xp, [])
 
     def f_noisy(self, xv: Vec, u: Vec, dt: float, k: Vec, rng: np.random.Generator) -> Vec:
         return noisy_process(self, xv, u, dt, k, rng)
