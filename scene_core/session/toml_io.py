@@ -20,6 +20,7 @@ from scene_core import params
 from scene_core.session import polymorphic, units
 from scene_core.session.config import Experiment
 from scene_core.session.toml_read import read_experiment
+from scene_core.text_file import text_of
 
 __all__ = ["dumps", "load", "loads", "save"]
 
@@ -28,11 +29,10 @@ MISSING = object()
 
 def load(path: str | Path) -> Experiment:
     """The experiment in a file. Raises ParamError with one sentence about what does not fit."""
-    path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as e:
-        raise params.ParamError(f"the settings file {path} can not be read: {e}") from e
+        text = text_of(Path(path), "a settings file (TOML)")
+    except ValueError as e:
+        raise params.ParamError(f"the settings file {e}") from e
     return loads(text, str(path))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import stat
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +14,7 @@ from scene_core.geometry.spaces import ONE_D, THREE_D, TWO_D, Space
 from scene_core.params import ParamError, param
 from scene_core.sources.toml_text import parsed
 from scene_core.sources.worlds import KnownPoint, SimulatedWorld
+from scene_core.text_file import text_of
 
 KEYS = ("points", "ids", "segments", "known", "sd")
 SPACES: Mapping[int, Space] = {space.d: space for space in (ONE_D, TWO_D, THREE_D)}
@@ -22,8 +22,6 @@ FARTHEST = 1e5
 """m: no coordinate is larger."""
 MOST = 20000
 """Points, and segments."""
-LARGEST = 16_000_000
-"""Bytes of a file."""
 EXAMPLE = "points = [[1.0, 2.0, 0.5], [3.0, 0.0, 1.0]]"
 
 
@@ -102,7 +100,9 @@ def read_world(path: str) -> Content:
     pairs = _list(path, "segments", content.get("segments", []))
     if not rows and not pairs:
         raise ParamError(f"{path}: the world is empty: give it a line like {EXAMPLE}")
-    first = rows[0] if rows else (pairs[0][0] if _is_pair(pairs[0]) else None)
+    if not rows and not _is_pair(pairs[0]):
+        raise ParamError(_no_pair(path, "segments, row 1", pairs[0]))
+    first = rows[0] if rows else pairs[0][0]
     d = len(first) if isinstance(first, list) else 0
     if d not in SPACES:
         where = "points, row 1" if rows else "segments, row 1, end 1"
@@ -119,33 +119,14 @@ def read_world(path: str) -> Content:
 
 
 def _toml(path: Path) -> dict[str, Any]:
-    text = _text(path)
+    try:
+        text = text_of(path, f"a world file (TOML) like {EXAMPLE}")
+    except ValueError as e:
+        raise ParamError(str(e)) from e
     try:
         return parsed(text)
     except ValueError as e:
         raise ParamError(f"{path} is not valid TOML: {e}; a world file is like {EXAMPLE}") from e
-
-
-def _text(path: Path) -> str:
-    try:
-        about = path.stat()
-        # A device or a pipe may never end, and the page may name one.
-        endless = stat.S_ISCHR(about.st_mode) or stat.S_ISFIFO(about.st_mode)
-        text = "" if endless or about.st_size > LARGEST else path.read_text(encoding="utf-8")
-    except OSError as e:
-        raise ParamError(f"{path} can not be opened: {e.strerror or e}") from e
-    except UnicodeDecodeError as e:
-        raise ParamError(f"{path} is not a text file: give a TOML file like {EXAMPLE}") from e
-    except ValueError as e:
-        raise ParamError(f"{str(path)!a} is no path of a file: {e}") from e
-    if endless:
-        raise ParamError(f"{path} is no file: give a TOML file like {EXAMPLE}")
-    if about.st_size > LARGEST:
-        raise ParamError(
-            f"{path} has {about.st_size / 1e6:.0f} MB: a world file has at most "
-            f"{LARGEST / 1e6:.0f} MB"
-        )
-    return text
 
 
 def _list(path: str, key: str, value: Any) -> list[Any]:
@@ -158,6 +139,10 @@ def _list(path: str, key: str, value: Any) -> list[Any]:
 
 def _is_pair(value: Any) -> bool:
     return isinstance(value, list) and len(value) == 2
+
+
+def _no_pair(path: str, where: str, value: Any) -> str:
+    return f"{path}: {where} is {_shown(value)}: give its two ends, [[...], [...]]"
 
 
 def _place(path: str, where: str, row: Any, d: int) -> list[float]:
@@ -173,7 +158,7 @@ def _place(path: str, where: str, row: Any, d: int) -> list[float]:
 
 def _segment(path: str, where: str, pair: Any, d: int) -> list[list[float]]:
     if not _is_pair(pair):
-        raise ParamError(f"{path}: {where} is {_shown(pair)}: give its two ends, [[...], [...]]")
+        raise ParamError(_no_pair(path, where, pair))
     ends = [_place(path, f"{where}, end {i}", end, d) for i, end in enumerate(pair, 1)]
     if ends[0] == ends[1]:
         raise ParamError(f"{path}: {where} has no length: give two different ends")

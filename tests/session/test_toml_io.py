@@ -181,7 +181,7 @@ def test_what_does_not_fit_is_one_sentence(old: str, new: str, complaint: str) -
 
 
 def test_a_missing_file_is_named(tmp_path) -> None:  # type: ignore[no-untyped-def]
-    with pytest.raises(ParamError, match=r"nothing\.toml can not be read"):
+    with pytest.raises(ParamError, match=r"nothing\.toml can not be opened"):
         toml_io.load(tmp_path / "nothing.toml")
 
 

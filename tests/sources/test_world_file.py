@@ -92,7 +92,7 @@ MANY = f"points = [{'[1.0, 2.0],' * 20001}]"
         ("points = [[1, 2]]\nids = [0]", "ids, number 1 is 0: give a whole number from 1"),
         ("points = [[1, 2]]\nids = [1.5]", "ids, number 1 is 1.5: give a whole number"),
         ("points = [[1, 2]]\nids = 4", "ids: 4 for 1 points"),
-        ("segments = [[[1, 2, 3]]]", "segments, row 1"),
+        ("segments = [[[1, 2, 3]]]", "row 1 is ..1, 2, 3..: give its two ends"),
         ("segments = [[[1, 2, 3], [1, 2, 3]]]", "row 1 has no length: give two different ends"),
         ("segments = [[[1, 2, 3], [1, 2]]]", "segments, row 1, end 2 is .1, 2.: give 3 numbers"),
         ("points = [[1, 2]]\nknown = 'yes'", "known is 'yes': give true, false or a list of ids"),
