@@ -177,8 +177,12 @@ def _listed(names: frozenset[str]) -> str:
 
 def carried(old: Any, cls: type[Any]) -> Any:
     """A new version of a model with the parameters that were edited on the old one; those left at
-    their defaults take the defaults of the new one."""
-    kept = {}
+    their defaults take the defaults of the new one.
+
+    Raises ParamError with the values that the new one refuses, whatever its own check of them
+    raises: each may be in its range and all of them not fit together.
+    """
+    kept: dict[str, Any] = {}
     there = {f.name: f for f in fields(old) if f.init}
     for f in fields(cls):
         before = there.get(f.name)
@@ -191,7 +195,16 @@ def carried(old: Any, cls: type[Any]) -> Any:
             kept[f.name] = params.check_value(f.name, getattr(old, f.name), f.default, meta)
         except params.ParamError:
             continue  # outside its new range: the new default holds
-    return cls(**kept)
+    if not kept:
+        return cls()
+    try:
+        return cls(**kept)
+    except Exception as why:  # a user's model may raise anything
+        values = ", ".join(f"{name} = {value}" for name, value in kept.items())
+        raise params.ParamError(
+            f"'{cls.name}' can not take over {values} from the '{old.name}' that is there, which "
+            f"stays: {why}"
+        ) from why
 
 
 class Watcher:

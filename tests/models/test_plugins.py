@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 import importlib.metadata
-import inspect
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from scene_core import params
-from scene_core.models import guard, plugins, registry
-from scene_core.models.base import Projection
-from scene_core.models.features.point_2d import Point2D
+from scene_core.models import plugins, registry
 from scene_core.models.library import Library, Watcher, carried
-from scene_core.models.motion.unicycle import PlanarUnicycle
 from scene_core.models.plugins import load_file
-from scene_core.models.rows import not_batched
-from scene_core.models.sensors.range_bearing import RangeBearing
 from scene_core.params import ParamError
 
 HEAD = """
@@ -178,6 +171,31 @@ def test_an_edited_parameter_is_carried_over_and_a_default_is_not(folder: Path) 
     assert carried(old(extra=8.0), new).extra == 2.0, "outside its new range"
 
 
+@pytest.mark.parametrize("raised", ["ValueError", "params.ParamError", "AssertionError"])
+def test_edits_that_a_new_version_refuses_together_are_one_sentence(
+    folder: Path, raised: str
+) -> None:
+    """Each is in its range, the defaults are good: only the new version's own check says no."""
+    write(folder, MINE)
+    Library(folder)
+    edited = registry.model_class("motion", "mine")(extra=8.0, sd_v=0.7)
+    refuses = f"""
+    def __post_init__(self):
+        if self.extra > 2.0:
+            raise {raised}("more than 2 is too much")
+"""
+    write(folder, MINE + refuses, head="from scene_core import params\n" + HEAD)
+    Library(folder)
+    new = registry.model_class("motion", "mine")
+    with pytest.raises(params.ParamError) as said:
+        carried(edited, new)
+    assert str(said.value) == (
+        "'mine' can not take over sd_v = 0.7, extra = 8.0 from the 'mine' that is there, which "
+        "stays: more than 2 is too much"
+    )
+    assert carried(registry.model_class("motion", "mine")(sd_v=0.7), new).sd_v == 0.7
+
+
 @pytest.mark.parametrize("bad", ["x = (", "raise ValueError", MINE + "    def Q(self): ..."])
 def test_a_broken_save_leaves_the_earlier_version(folder: Path, bad: str) -> None:
     write(folder, MINE)
@@ -238,52 +256,3 @@ def test_the_watcher_tells_about_a_save(folder: Path) -> None:
         time.sleep(0.02)
     watcher.stop()
     assert told == [("mine.py was saved: 'mine' conforms",)]
-
-
-# The guard.
-
-
-class Alone(RangeBearing):
-    """Written for single points."""
-
-    def project(self, X, k):  # type: ignore[no-untyped-def]
-        assert X.ndim == 1
-        return Projection(super().project(X, k).h)
-
-    def visibility(self, h, X, xws, pose0, y_X):  # type: ignore[no-untyped-def]
-        return int(h[0] > self.reach_max)
-
-
-def test_a_function_for_single_rows_is_found_out_and_fed_row_by_row() -> None:
-    alone, rng = not_batched(Alone(), np.random.default_rng(0)), np.random.default_rng(1)
-    assert alone == {"project", "visibility"}
-    model, plain = guard.guarded(Alone, alone)(), RangeBearing()
-    X = np.abs(rng.standard_normal((2, 3, 3))) + 0.1
-    k = np.zeros(0)
-    assert np.array_equal(model.project(X, k).h, plain.project(X, k).h)
-    assert np.array_equal(model.project(X[0, 0], k=k).h, plain.project(X[0, 0], k).h)
-    h, pose = plain.project(X[0], k).h, np.zeros(3)
-    fault = model.visibility(h, X[0], pose, np.zeros((3, 3)), X[0])
-    assert np.array_equal(fault, (h[:, 0] > plain.reach_max).astype(int))
-    assert model.h_noisy(X[0], k, rng).shape == (3, 2)
-
-
-@pytest.mark.parametrize("cls", [RangeBearing, Point2D, *registry.built_in("sensors").values()])
-def test_the_built_in_models_are_all_batched(cls: type) -> None:
-    assert not_batched(cls(), np.random.default_rng(0)) == frozenset()
-
-
-def test_a_guarded_class_stays_what_it_was() -> None:
-    cls = guard.guarded(PlanarUnicycle)
-    assert guard.is_guarded(cls) and not guard.is_guarded(PlanarUnicycle)
-    assert cls.__name__ == "PlanarUnicycle" and not inspect.isabstract(cls)
-    assert cls(sd_v=0.3) == cls(sd_v=0.3) and hash(cls()) == hash(cls())
-    xv, u = np.array([1.0, 2.0, 0.3]), np.array([0.2, 0.1])
-    ours, theirs = cls().f(xv, u, 0.1, np.zeros(0)), PlanarUnicycle().f(xv, u, 0.1, np.zeros(0))
-    assert all(np.array_equal(a, b) for a, b in zip(ours, theirs, strict=True))
-
-
-def test_whoever_claims_a_call_first_has_it() -> None:
-    call = guard.Call(PlanarUnicycle(), "f")
-    assert call.claim() and not call.claim()
-    assert guard.under_way(None) is None
