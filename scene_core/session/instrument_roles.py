@@ -6,10 +6,13 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from scene_core import params
 from scene_core.models import registry
+from scene_core.models.base import InternalMeasurementModel
 from scene_core.params import ParamError
 from scene_core.session.config import EstimatorSettings, Experiment, InstrumentSettings
 from scene_core.session.published import RoleOptions
+from scene_core.session.versions import latest, made
 from scene_core.sources.simulated import Simulation
 from scene_core.sources.truth import TrueInstrument
 
@@ -54,6 +57,38 @@ def with_instrument(
     return after, f"{robot} has its {name} again"
 
 
+def instrument_models(experiment: Experiment) -> dict[str, InternalMeasurementModel]:
+    """The models of all instruments, as believed and as they truly are, by their path."""
+    believed, source = experiment.estimator.instruments, experiment.source
+    truly = source.instruments if isinstance(source, Simulation) else {}
+    return {
+        f"{side}.instruments.{name}.model": one.model
+        for side, there in (("estimator", believed), ("source", truly))
+        for name, one in there.items()
+    }
+
+
+def renewed(experiment: Experiment, role: str, name: str) -> Experiment:
+    """The experiment with an instrument in the version its file holds now. Raises ParamError where
+    that can not be measured."""
+    old = params.get(experiment, role)
+    if name != old.name:
+        raise ParamError(
+            f"'{name}' can not take the place of '{old.name}': take that off, then add the other"
+        )
+    new = made("internal", name, old)
+    source = experiment.source
+    if isinstance(source, Simulation):
+        # Belief and truth stay at one version: both are refused what the truth can not feel.
+        true = source.instruments.get(role.split(".")[2])
+        reason = true and registry.runs_on(new, source.robots[true.robot].motion)
+        if reason:
+            raise ParamError(reason)
+    elif new.labels != old.labels:
+        raise ParamError(f"the recording has {', '.join(old.labels)} for '{name}', nothing else")
+    return params.put(experiment, role, new)
+
+
 def _on(experiment: Experiment, robot: str) -> tuple[str, ...]:
     """Instruments of a robot."""
     there = experiment.estimator.instruments.items()
@@ -65,12 +100,16 @@ def _off(experiment: Experiment, base: Experiment, robot: str) -> dict[str, tupl
     of the scenario that were taken off, and in a simulation every other that runs on it."""
     on = experiment.estimator.instruments
     estimator: EstimatorSettings = base.estimator
-    own = {n: i.model for n, i in estimator.instruments.items() if i.robot == robot and n not in on}
+    own = {
+        n: latest(i.model)
+        for n, i in estimator.instruments.items()
+        if i.robot == robot and n not in on
+    }
     source = experiment.source
     if not isinstance(source, Simulation):
         return {name: (model, model) for name, model in own.items()}
     truth = base.source.instruments if isinstance(base.source, Simulation) else {}
-    out = {n: (m, truth[n].model if n in truth else m) for n, m in own.items()}
+    out = {n: (m, latest(truth[n].model) if n in truth else m) for n, m in own.items()}
     used = {one.model.name for one in on.values() if one.robot == robot}
     used |= {model.name for model in own.values()}
     motions = [experiment.estimator.robots[robot].motion]
@@ -84,6 +123,8 @@ def _off(experiment: Experiment, base: Experiment, robot: str) -> dict[str, tupl
 
 
 def _why_not(experiment: Experiment, robot: str, name: str, known: tuple[str, ...]) -> str:
+    if name in registry.refused("internal"):
+        return registry.refused("internal")[name]
     if name in registry.models("internal"):
         model = registry.model_class("internal", name)()
         reason = registry.runs_on(model, experiment.estimator.robots[robot].motion)

@@ -7,19 +7,24 @@ from functools import cache
 from typing import Any
 
 from scene_core import params
-from scene_core.models import guard, registry
-from scene_core.models.library import carried
+from scene_core.models import registry
 from scene_core.models.segments import seen_by
 from scene_core.params import ParamError
 from scene_core.session.config import Experiment, MountSettings, RobotSettings
 from scene_core.session.exchange import exchangeable, exchanged
 from scene_core.session.fit import fitted
 from scene_core.session.instrument_roles import ROLE as INSTRUMENTS
-from scene_core.session.instrument_roles import instrument_roles, with_instrument
+from scene_core.session.instrument_roles import (
+    instrument_models,
+    instrument_roles,
+    renewed,
+    with_instrument,
+)
 from scene_core.session.published import RoleOptions
 from scene_core.session.simulated_roles import simulated_roles, with_simulated
 from scene_core.session.start import sd_labels, sds_of, start_state
 from scene_core.session.true_motion import with_true_motion
+from scene_core.session.versions import is_outdated, made
 
 CHOICES = {
     "estimator.policies.selection.score": "Selection score",
@@ -85,6 +90,8 @@ def swapped(
         and role.removeprefix(INSTRUMENTS) in experiment.estimator.robots
     ):
         return with_instrument(experiment, base, role, name)
+    if role in instrument_models(experiment):
+        return renewed(experiment, role, name), ""
     if role not in known:
         raise ParamError(f"no role '{role}': choose one of {', '.join(known)}")
     if role in {r.role for r in simulated_roles(experiment)}:
@@ -111,7 +118,7 @@ def swapped(
     owner, original = params.get(experiment, owner_path), params.get(base, owner_path)
     if role.startswith("source.") and role.endswith(".motion"):
         own = original.motion.name == name and not is_outdated(original.motion)
-        motion = original.motion if own else _made("motion", name, owner.motion)
+        motion = original.motion if own else made("motion", name, owner.motion)
         return with_true_motion(experiment, base, role.split(".")[2], motion)
     if role.endswith(".motion"):
         after, note = _with_motion(owner, original, name), ""
@@ -126,19 +133,9 @@ def outdated(experiment: Experiment) -> list[tuple[str, str]]:
     """Roles whose model is an earlier version of what its file holds now, with its name."""
     others = {*CHOICES, *(r.role for r in simulated_roles(experiment))}
     rows = (r for r in role_options(experiment) if not r.role.startswith(INSTRUMENTS))
-    roles = [r for r in rows if r.role not in others]
-    return [(r.role, r.current) for r in roles if is_outdated(params.get(experiment, r.role))]
-
-
-def is_outdated(model: Any) -> bool:
-    """Whether the file of a user's model was saved again, in a version that can be used."""
-    if model is None:
-        return False
-    cls = type(model)
-    if not guard.is_guarded(cls):
-        return False
-    now = registry.models(registry.kind_of(model)).get(model.name)
-    return now is not None and now is not cls
+    models = {r.role: params.get(experiment, r.role) for r in rows if r.role not in others}
+    models |= instrument_models(experiment)
+    return [(role, model.name) for role, model in models.items() if is_outdated(model)]
 
 
 def _measures_else(experiment: Experiment, mount: str, name: str) -> bool:
@@ -153,16 +150,6 @@ def _kind(role: str) -> str:
         return "features"
     kinds = {"motion": "motion", "sensor": "sensors"}
     return kinds.get(role.rpartition(".")[2], "")
-
-
-def _made(kind: str, name: str, old: Any) -> Any:
-    """A model with its defaults; the new version of `old`, or a sensor that can not be fitted to
-    it, with the parameters of the same name that are not at their defaults."""
-    cls = registry.model_class(kind, name)
-    if old is None:
-        return cls()
-    keeps = old.name == name or (kind == "sensors" and not hasattr(cls, "with_calib"))
-    return carried(old, cls) if keeps else cls()
 
 
 @cache
@@ -196,7 +183,7 @@ def _with_landmark(experiment: Experiment, base: Experiment, name: str) -> Exper
     if original.name == name and not is_outdated(original):
         model = original
     else:
-        model = _made("features", name, experiment.estimator.policies.landmark)
+        model = made("features", name, experiment.estimator.policies.landmark)
     for mount in experiment.estimator.mounts.values():
         reason = registry.compatible(mount.sensor, model)
         if reason:
@@ -212,7 +199,7 @@ def _with_line(experiment: Experiment, base: Experiment, name: str) -> Experimen
     if original is not None and original.name == name and not is_outdated(original):
         model = original
     else:
-        model = _made("features", name, old)
+        model = made("features", name, old)
     reasons = [registry.compatible(m.sensor, model) for m in experiment.estimator.mounts.values()]
     if all(reasons):
         raise ParamError(str(reasons[0]))
@@ -224,7 +211,7 @@ def _with_motion(settings: RobotSettings, original: RobotSettings, name: str) ->
     it did not have start as its `lift` says."""
     if original.motion.name == name and not is_outdated(original.motion):
         return original
-    motion = _made("motion", name, settings.motion)
+    motion = made("motion", name, settings.motion)
     xv, _ = start_state("start", settings)
     lifted = motion.lift(settings.motion.xp(xv).xp)
     labels = motion.state_labels
@@ -240,9 +227,9 @@ def _with_motion(settings: RobotSettings, original: RobotSettings, name: str) ->
 
 def _with_sensor(settings: MountSettings | Any, name: str) -> tuple[Any, str]:
     """Another sensor that sees the same; of a mount of the estimator or of the simulator."""
-    made = _made("sensors", name, settings.sensor)
-    is_fitted = settings.sensor.name != name and hasattr(made, "with_calib")
-    sensor, rms = fitted(settings.sensor, made) if is_fitted else (made, 0.0)
+    new = made("sensors", name, settings.sensor)
+    is_fitted = settings.sensor.name != name and hasattr(new, "with_calib")
+    sensor, rms = fitted(settings.sensor, new) if is_fitted else (new, 0.0)
     labels = sensor.calib_labels
     if isinstance(settings, MountSettings):
         kept = {s: x for s, x in settings.calib_sd.items() if s in labels}

@@ -289,14 +289,18 @@ class Session:
     def renew(self, said: tuple[str, ...]) -> int:
         """Swap every model in use whose file was saved in a version that can be used to this
         version, from the next frame on; `said` is what became of the files. Returns how many."""
-        notes = list(said)
-        roles = outdated(self.settings.experiment)
-        for role, name in roles:
-            self._edit(SwapModel(role, name), playing=False)
+        notes, count = list(said), 0
+        for role, name in outdated(self.settings.experiment):
+            try:
+                self._edit(SwapModel(role, name), playing=False)
+            except ParamError as why:
+                notes.append(f"'{name}' goes on in its earlier version: {why}")
+                continue
+            count += 1
             kept = f": {self.message}" if self.message else ""
             notes.append(f"'{name}' runs in its new version from the next frame on{kept}")
         self.message = "; ".join(notes)
-        return len(roles)
+        return count
 
     def without(self, model: type[Any]) -> Session:
         """This run at its last good frame, with the latest settings that did not use a model.

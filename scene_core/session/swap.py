@@ -73,7 +73,8 @@ def reconfigure(world: World, old: EstimatorSettings, new: EstimatorSettings) ->
         if name not in idle
     }
     for name, one in instruments.items():
-        if name not in world.instruments:
+        was = world.instruments.get(name)
+        if was is None or was.model is not one.model:
             check_directions(world, one.model)
     return Reconfigured(replace(world, instruments=instruments), tuple(notes))
 
