@@ -74,9 +74,9 @@ class Ground:
                 cast_shadow=False,
                 receive_shadow=False,
             )
-        surfaces = getattr(getattr(p.experiment.source, "world", None), "surfaces", None)
-        if surfaces is not None:
-            walls = [textured(surface) for surface in surfaces()]
+        surfaces = getattr(p.experiment.source, "surfaces", tuple)()
+        if surfaces:
+            walls = [textured(surface) for surface in surfaces]
             scene.add_glb(
                 "/map/room/surfaces", unlit(walls), cast_shadow=False, receive_shadow=False
             )

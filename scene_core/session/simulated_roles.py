@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from typing import Any
 
 from scene_core import params
@@ -12,9 +11,7 @@ from scene_core.session import polymorphic
 from scene_core.session.config import Experiment
 from scene_core.session.published import RoleOptions
 from scene_core.sources.drivers import Driver
-from scene_core.sources.manual import AXES, Manual
 from scene_core.sources.simulated import Simulation
-from scene_core.sources.world_file import WorldFile
 from scene_core.sources.worlds import SimulatedWorld
 
 WORLD = "source.world"
@@ -53,9 +50,8 @@ def with_simulated(
         return params.put(experiment, role, new), "takes effect on reset"
     assert isinstance(experiment.source, Simulation)
     robot = params.get(experiment, role.rpartition(".")[0])
-    new = original if original.name == name else _classes(Driver)[name]()
-    if isinstance(new, Manual) and new is not original and experiment.source.up == "y":
-        new = params.put(new, "axes", tuple(AXES)[1])
+    own = original.name == name
+    new = original if own else _classes(Driver)[name]().upright(experiment.source.up)
     try:
         new.check(robot.motion)
     except SourceError as e:
@@ -69,9 +65,6 @@ def _classes(base: type[Any]) -> dict[str, type[Any]]:
     return dict(found[1])
 
 
-def _fits(cls: type[Any], world: SimulatedWorld) -> bool:
-    """Whether sensors that measure a world can measure one of this class; a file may be of any
-    dimension."""
-    if cls is WorldFile or isinstance(world, WorldFile):
-        return True
-    return inspect.getattr_static(cls, "space", None) is world.space
+def _fits(cls: type[SimulatedWorld], world: SimulatedWorld) -> bool:
+    """Whether sensors that measure a world can measure one of this class."""
+    return cls.any_space or world.any_space or cls.space is world.space

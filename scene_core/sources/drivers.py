@@ -45,6 +45,11 @@ class Driver(ABC):
         """Raises SourceError when it can not drive a motion model; it can, unless overridden."""
         return None
 
+    def upright(self, up: str) -> Driver:
+        """The driver for a simulation in which the axis `up` points up: as it is, unless
+        overridden."""
+        return self
+
     def start(self, motion: MotionModel, dt: float) -> Mapping[str, float]:
         """State components by label the driver wants the robot to start with; none unless
         overridden. The robot's own start is applied on top."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
@@ -60,6 +60,9 @@ class Manual(Driver):
     """Time constant with which a speed that is a part of the state is reached."""
     axes: str = param("x forward, y left, z up", choices=tuple(AXES), label="Axes")
     """What the axes of a robot in space mean."""
+
+    def upright(self, up: str) -> Driver:
+        return replace(self, axes=tuple(AXES)[1]) if up == "y" else self
 
     def drive(
         self, motion: MotionModel, xv: Vec, memory: Any, index: int, dt: float, seed: int

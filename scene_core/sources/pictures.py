@@ -16,13 +16,13 @@ from scene_core.sources import noise
 from scene_core.sources.corners import detect_corners
 from scene_core.sources.pixel_rays import rays_of
 from scene_core.sources.render import Rendering, render
-from scene_core.sources.room import TexturedRoom
 from scene_core.sources.textured_scene import hit, scene_of
 from scene_core.sources.vision import Patch, extract, search_patches
+from scene_core.sources.worlds import SimulatedWorld
 
 
 def photographed(
-    room: TexturedRoom,
+    room: SimulatedWorld,
     sensor: Sensor,
     calib: Vec,
     poses: tuple[Vec, Vec],
@@ -57,7 +57,7 @@ def detected(
     count: int,
     vision: Vision,
     key: tuple[int, int],
-    where: tuple[TexturedRoom, Sensor, Vec, Vec],
+    where: tuple[SimulatedWorld, Sensor, Vec, Vec],
 ) -> list[Detection]:
     """New corners, each remembering its true place; `where` is room, camera, calibration, pose."""
     found = detect_corners(image.pixels, occupied, count, vision, key)
@@ -65,7 +65,7 @@ def detected(
 
 
 def pointed_at(
-    image: Image, z: Vec, vision: Vision, where: tuple[TexturedRoom, Sensor, Vec, Vec]
+    image: Image, z: Vec, vision: Vision, where: tuple[SimulatedWorld, Sensor, Vec, Vec]
 ) -> Detection | None:
     """The patch around a pixel, remembering its true place."""
     found = extract(image.pixels, z, vision)
@@ -97,17 +97,18 @@ def projected(sensor: Sensor, calib: Vec, pose: Vec, place: Vec) -> Vec | None:
     return None if fault[0] & Fault.BEHIND else h[0]
 
 
-def known_places(room: TexturedRoom, names: Sequence[str]) -> dict[str, Vec]:
+def known_places(room: SimulatedWorld, names: Sequence[str]) -> dict[str, Vec]:
     """Places (3,) by name; raises SourceError for a name the room does not have."""
     known = room.references()
     unknown = [n for n in names if n not in known]
     if unknown:
-        raise SourceError(f"the room has no place '{unknown[0]}': it has {', '.join(known)}")
+        there = ", ".join(known) or "none"
+        raise SourceError(f"the {room.name} has no place '{unknown[0]}': it has {there}")
     return {n: known[n] for n in names}
 
 
 def _placed(
-    detection: Detection, room: TexturedRoom, sensor: Sensor, calib: Vec, pose: Vec
+    detection: Detection, room: SimulatedWorld, sensor: Sensor, calib: Vec, pose: Vec
 ) -> Detection:
     ray = sensor.backproject(detection.z[None], np.zeros((1, 1)), calib).X[0, :3]
     place = hit(scene_of(room), pose, ray)

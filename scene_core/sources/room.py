@@ -10,12 +10,12 @@ from typing import ClassVar
 import numpy as np
 
 from scene_core.arrays import Mat, Vec, frozen
-from scene_core.geometry import quaternion
 from scene_core.geometry.spaces import THREE_D, Space
 from scene_core.params import param
 from scene_core.sources import painting, wall_art
 from scene_core.sources.canvas import WALL, WOOD, Canvas
 from scene_core.sources.lighting import lit
+from scene_core.sources.surface import Surface
 from scene_core.sources.worlds import SimulatedWorld
 
 SIZE = (6.0, 5.0, 2.6)
@@ -32,40 +32,6 @@ BOXES: tuple[tuple[str, tuple[float, float, float], tuple[float, float, float]],
 """Furniture: kind, lower and upper corner, m."""
 DENSITY = 200.0
 """Texels per metre."""
-
-
-@dataclass(frozen=True)
-class Surface:
-    """A textured rectangle. Seen from its front, `right` and `down` are the texture's axes."""
-
-    name: str
-    corner: Vec
-    """Upper left corner (3,), m."""
-    right: Vec
-    """Unit vector (3,)."""
-    down: Vec
-    """Unit vector (3,)."""
-    width: float
-    height: float
-    texture: np.ndarray
-    """uint8 (rows, columns, 3), RGB, with the light that falls on it."""
-    is_wall: bool
-    """One of the six sides of the room, not of a piece of furniture."""
-
-    @property
-    def normal(self) -> Vec:
-        """Unit vector (3,) towards who looks at the front."""
-        return -np.cross(self.right, self.down)
-
-    @property
-    def centre(self) -> Vec:
-        """Middle of the rectangle (3,), m."""
-        return self.corner + 0.5 * (self.width * self.right + self.height * self.down)
-
-    @property
-    def wxyz(self) -> Vec:
-        """Rotation (4,) from the axes right, down, away from the viewer to the world."""
-        return quaternion.from_matrix(np.column_stack([self.right, self.down, -self.normal]))
 
 
 @dataclass(frozen=True)
@@ -87,11 +53,9 @@ class TexturedRoom(SimulatedWorld):
         return np.concatenate([_edges(a, b) for a, b in boxes])
 
     def surfaces(self) -> tuple[Surface, ...]:
-        """Everything there is to see, painted and lit; computed once."""
         return _surfaces(self)
 
     def references(self) -> dict[str, Vec]:
-        """Places (3,) a preset may name as known landmarks."""
         return {f"poster:{i}": corner for i, corner in enumerate(poster_corners())}
 
 

@@ -33,8 +33,8 @@ from scene_core.params import param
 from scene_core.sources import markers, noise, pictures, points, segments
 from scene_core.sources.identified import Outlook
 from scene_core.sources.render import Rendering
-from scene_core.sources.room import Surface, TexturedRoom
 from scene_core.sources.segments import LineOutlook, measures_lines
+from scene_core.sources.surface import Surface
 from scene_core.sources.terrain import on_ground
 from scene_core.sources.truth import (
     Disturbances,
@@ -170,7 +170,7 @@ class Simulation:
 
     def surfaces(self) -> tuple[Surface, ...]:
         """Textured rectangles for the map; none in a world of points."""
-        return self.world.surfaces() if isinstance(self.world, TexturedRoom) else ()
+        return self.world.surfaces()
 
     def outline(self) -> Vec:
         """Segments (M, 2, 3) in world axes that show the place on the map."""
@@ -260,11 +260,12 @@ class Simulation:
                 "source.markers: rendered pictures show no markers; leave out either of them"
             )
 
-    def _room(self) -> TexturedRoom:
-        if not isinstance(self.world, TexturedRoom):
+    def _room(self) -> SimulatedWorld:
+        """The world, which has something to take pictures of."""
+        if not self.world.surfaces():
             raise SourceError(
-                f"the world '{self.world.name}' has no surfaces to render: choose the world "
-                f"'{TexturedRoom.name}' or leave the rendering out"
+                f"the world '{self.world.name}' has no surfaces to render: choose one that has, "
+                "such as 'room', or leave the rendering out"
             )
         return self.world
 

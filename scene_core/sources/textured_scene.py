@@ -10,7 +10,8 @@ import numpy as np
 
 from scene_core.arrays import Vec
 from scene_core.geometry import quaternion
-from scene_core.sources.room import Surface, TexturedRoom
+from scene_core.sources.surface import Surface
+from scene_core.sources.worlds import SimulatedWorld
 
 LEVELS = 5
 """Of every texture's pyramid."""
@@ -40,7 +41,7 @@ class Scene(NamedTuple):
 
 
 @lru_cache(maxsize=4)
-def scene_of(room: TexturedRoom) -> Scene:
+def scene_of(room: SimulatedWorld) -> Scene:
     """The room's surfaces with their textures in one atlas."""
     surfaces = room.surfaces()
     chains = [_pyramid(s.texture) for s in surfaces]

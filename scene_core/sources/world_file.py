@@ -41,6 +41,7 @@ class WorldFile(SimulatedWorld):
     """
 
     name: ClassVar[str] = "world file"
+    any_space: ClassVar[bool] = True
     path: str = param("", effect="on reset", label="World file")
     """Path of the file."""
     content: Content | None = field(init=False, repr=False, compare=False, default=None)

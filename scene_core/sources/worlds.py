@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar, NamedTuple
@@ -14,6 +14,7 @@ from scene_core.arrays import Mat, Vec
 from scene_core.geometry.spaces import ONE_D, THREE_D, TWO_D, Space, embed_points
 from scene_core.params import param
 from scene_core.sources import noise
+from scene_core.sources.surface import Surface
 
 
 class Ground(NamedTuple):
@@ -31,6 +32,8 @@ class SimulatedWorld(ABC):
     name: ClassVar[str]
     """The word the settings file uses."""
     space: ClassVar[Space]
+    any_space: ClassVar[bool] = False
+    """Whether it may turn out to be of any dimension; `space` then says of which one it is."""
     turns: ClassVar[bool] = False
     """A 3-D world that is written with z up and stands upright in a y-up simulation as well: its
     x, y, z become that one's z, x, y. False: its axes are the simulation's as they are."""
@@ -51,6 +54,15 @@ class SimulatedWorld(ABC):
     def ground(self, at: Vec) -> Ground | None:
         """The ground below places (..., 2) in m of a z-up world; None: it has none."""
         return None
+
+    def surfaces(self) -> tuple[Surface, ...]:
+        """Everything there is to see, lit, for cameras that take pictures; nothing unless
+        overridden. Computed once."""
+        return ()
+
+    def references(self) -> Mapping[str, Vec]:
+        """Places (3,) by name that settings may give as known landmarks; none unless overridden."""
+        return {}
 
     def known(self) -> tuple[KnownPoint, ...]:
         """Landmarks the estimator is given at the start; none unless overridden."""

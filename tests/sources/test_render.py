@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from scene_core.filter.policies import Vision
-from scene_core.filter.ports import Image, Occupied, Query
+from scene_core.filter.ports import Image, Occupied, Query, SourceError
 from scene_core.geometry import quaternion
+from scene_core.geometry.spaces import THREE_D
 from scene_core.models.camera import Camera, CentralCamera
 from scene_core.models.motion.impulse import Impulse
 from scene_core.models.sensors.fisheye import Fisheye
@@ -26,6 +27,7 @@ from scene_core.sources.render import Rendering, look, render
 from scene_core.sources.room import SIZE, Surface, TexturedRoom, poster_corners
 from scene_core.sources.simulated import Simulation, TrueMount, TrueRobot
 from scene_core.sources.textured_scene import Scene, hit, scene_of, visible
+from scene_core.sources.worlds import SimulatedWorld
 
 PINHOLE = Pinhole(u0=159.5, v0=119.5, f_u=210.0, f_v=210.0, distortion=(-0.12, 0.02))
 WIDE = WideAngle()
@@ -214,6 +216,26 @@ def pixels(simulation: Simulation, frames: int) -> list[np.ndarray]:
         assert isinstance(raw, Image)
         out.append(raw.pixels)
     return out
+
+
+class Hall(SimulatedWorld):
+    """A world of another class that has something to see."""
+
+    name, space = "hall", THREE_D
+
+    def points(self) -> tuple[np.ndarray, np.ndarray]:
+        return TexturedRoom().points()
+
+    def surfaces(self) -> tuple[Surface, ...]:
+        return TexturedRoom().surfaces()
+
+
+def test_any_world_with_surfaces_is_photographed() -> None:
+    hall = replace(room(3), world=Hall())
+    np.testing.assert_array_equal(pixels(hall, 2)[1], pixels(room(3), 2)[1])
+    assert len(hall.surfaces()) == len(room().surfaces()) > 6
+    with pytest.raises(SourceError, match="the hall has no place 'poster:0': it has none"):
+        hall.appearance_of("poster:0")
 
 
 def test_images_are_bit_identical_for_a_seed() -> None:
