@@ -6,7 +6,6 @@ swapped in.
 
 from __future__ import annotations
 
-import re
 from dataclasses import MISSING, fields, is_dataclass, replace
 from typing import Any
 
@@ -14,7 +13,8 @@ import numpy as np
 
 from scene_core.models.base import FeatureModel, InternalMeasurementModel, MotionModel, Sensor
 from scene_core.models.guard import is_guarded, unbatched, watched
-from scene_core.models.judge import Law, Line, Report, run
+from scene_core.models.judge import Law, Line, Report, raised, run
+from scene_core.models.laws_declaration import declaration_laws
 from scene_core.models.laws_feature import feature_laws
 from scene_core.models.laws_internal import internal_laws
 from scene_core.models.laws_lines import line_laws
@@ -23,10 +23,6 @@ from scene_core.models.laws_sensor import sensor_laws
 from scene_core.models.registry import kind_of
 
 __all__ = ["Line", "Report", "check", "no_default"]
-
-_ONE = r"(1|mm|m|s|rad|px|kg|N|Hz|V|A|K|%)[²³⁴]?"
-_UNIT = re.compile(rf"(√?{_ONE}(\s√?{_ONE})*(/√?{_ONE})*)?")
-"""Products and quotients of known units, with superscripts: m/s², 1/px², rad/s/√Hz."""
 
 
 def check(model: Any, seed: int = 0) -> Report:
@@ -41,9 +37,17 @@ def check(model: Any, seed: int = 0) -> Report:
         model = model()
     kind = kind_of(model)
     model, numeric = watched(model)
-    laws = [("units are known", lambda: _unknown_units(model))]
-    report = run(model.name, kind, [*laws, *_laws(model, np.random.default_rng(seed))])
-    return replace(report, remarks=_remarks(model, numeric))
+    declared = run(model.name, kind, declaration_laws(model))
+    if not declared.ok:
+        return replace(declared, remarks=("the other laws were not tried",))
+    try:
+        laws = _laws(model, np.random.default_rng(seed))
+    except Exception as error:  # a user's model may raise anything
+        lines = (*declared.lines, Line("it can be tried at random states", False, raised(error)))
+        return replace(declared, lines=lines, remarks=("the other laws were not tried",))
+    report = run(model.name, kind, laws)
+    lines = (*declared.lines, *report.lines)
+    return replace(report, lines=lines, remarks=_remarks(model, numeric))
 
 
 def no_default(cls: type[Any]) -> str:
@@ -54,22 +58,6 @@ def no_default(cls: type[Any]) -> str:
                 f"parameter '{f.name}' of {cls.__name__} has no default: give it one, e.g. "
                 f"{f.name}: float = param(0.1)"
             )
-    return ""
-
-
-def _unknown_units(model: Any) -> str:
-    """Which unit nobody knows, or nothing."""
-    named = [
-        (attribute, unit)
-        for attribute in ("state_units", "control_units", "calib_units", "units")
-        for unit in getattr(model, attribute, ())
-    ]
-    for f in fields(model):
-        if "param" in f.metadata:
-            named.append((f"parameter '{f.name}'", f.metadata["param"]["unit"]))
-    for where, unit in named:
-        if not isinstance(unit, str) or not _UNIT.fullmatch(unit):
-            return f"{where}: no unit {unit!r}; write e.g. m, rad, px, m/s, rad/s, m/s², 1/m"
     return ""
 
 

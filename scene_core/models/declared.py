@@ -12,6 +12,8 @@ import builtins
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from scene_core.text_file import text_of
+
 PACKAGE = "scene_core.models"
 
 
@@ -19,13 +21,13 @@ def declares_models(path: Path) -> bool:
     """Whether a file is to be loaded. One that can not be parsed is, if its text names the package
     of the models: what is wrong with it is then said like that of any other model file."""
     try:
-        raw = path.read_bytes()
-    except OSError:
+        text = text_of(path, "a Python file")
+    except ValueError:
         return True  # whoever loads it says why it can not be read
     try:
-        tree = ast.parse(raw)
+        tree = ast.parse(text)
     except (SyntaxError, ValueError, RecursionError):
-        return PACKAGE.encode() in raw
+        return PACKAGE in text
     names = dict(_imported(tree))
     if not any(_inside(name) for name in names.values()):
         return False

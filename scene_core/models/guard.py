@@ -200,6 +200,8 @@ def _array(
 ) -> np.ndarray:
     try:
         array = np.asarray(value)
+        if np.iscomplexobj(array):
+            raise ModelError(f"{where}: {part} holds complex numbers")
         array = array.astype(np.float64) if dtype is float else array
     except (TypeError, ValueError) as e:
         raise ModelError(f"{where}: {part} is no array of numbers ({e})") from None

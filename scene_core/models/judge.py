@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import sysconfig
+import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +19,8 @@ from scene_core.models.labels import quaternions
 
 Law = tuple[str, Callable[[], str]]
 """A law in words, and a test that returns what is wrong, or nothing."""
+_LIBRARIES = [sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")]
+_NOT_THE_USERS = (str(Path(__file__).parents[1]), *_LIBRARIES, "<")
 COUNT = 12
 """Rows that batched functions are tried with."""
 DRAWS = 1500
@@ -67,9 +72,18 @@ def run(model: str, kind: str, laws: Sequence[Law]) -> Report:
         try:
             wrong = test()
         except Exception as error:  # a user's model may raise anything
-            wrong = f"raised {type(error).__name__}: {error}"
+            wrong = raised(error)
         lines.append(Line(law, not wrong, wrong))
     return Report(model, kind, tuple(lines))
+
+
+def raised(error: Exception) -> str:
+    """What a model raised, and where if it was in a file of the user's own: the innermost place
+    outside of this package and of what is installed."""
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [f for f in frames if not f.filename.startswith(_NOT_THE_USERS)]
+    where = f"{Path(own[-1].filename).name}, line {own[-1].lineno}: " if own else ""
+    return f"{where}raised {type(error).__name__}: {error}"
 
 
 def numeric_jacobian(
@@ -283,13 +297,6 @@ def projectively_equal(name: str, A: Vec, B: Vec) -> str:
 def not_shaped(name: str, a: ArrayLike, shape: tuple[int, ...]) -> str:
     """Why an array has not this shape, or nothing."""
     return "" if np.shape(a) == shape else f"{name} has shape {np.shape(a)}, not {shape}"
-
-
-def paired(what: str, labels: Sequence[str], units: Sequence[str]) -> str:
-    """Why labels and units do not belong together, or nothing."""
-    if len(labels) == len(units):
-        return ""
-    return f"{len(labels)} {what} labels, {len(units)} units".replace("  ", " ")
 
 
 def own_scale(k: Vec) -> Vec:

@@ -18,7 +18,6 @@ from scene_core.models.judge import (
     not_covariance,
     not_equal,
     not_shaped,
-    paired,
     projectively_equal,
     sample_pose,
     sample_rays,
@@ -72,7 +71,6 @@ def declared(t: Trial) -> str:
         what, open_ = "the prior of both ends", 2 * open_
     return first(
         [
-            paired("state", model.state_labels, model.state_units),
             not_shaped(what, mean, (open_,)),
             not_covariance(what, cov, open_),
         ]
@@ -174,7 +172,7 @@ def _conversion(t: Trial) -> str:
 
 
 _LAWS = (
-    ("labels, units and prior have matching lengths", declared),
+    ("the prior has the length of what is not measured", declared),
     ("initialise puts the point where it was seen, with its Jacobians", _birth),
     ("primitive has the right Jacobian", _primitive),
     ("redefine is a change of axes with its Jacobians", _redefinition),

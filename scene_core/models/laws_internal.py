@@ -18,7 +18,6 @@ from scene_core.models.judge import (
     not_equal,
     not_shaped,
     not_spread_like,
-    paired,
     tried,
     with_unit_quaternion,
 )
@@ -44,10 +43,6 @@ def internal_laws(model: InternalMeasurementModel, rng: np.random.Generator) -> 
         with_unit_quaternion(model.needs, rng.standard_normal(len(model.needs))) for _ in range(5)
     ]
     return tried(_Trial(model, rng, states), _LAWS)
-
-
-def _declared(t: _Trial) -> str:
-    return paired("", t.model.labels, t.model.units)
 
 
 def _function(t: _Trial) -> str:
@@ -89,7 +84,6 @@ def _noisy(t: _Trial) -> str:
 
 
 _LAWS = (
-    ("labels and units have matching lengths", _declared),
     ("h has the right Jacobian, finite at zero", _function),
     ("R is a covariance, nu(h, h) is zero, angles wrap", _noise),
     ("feasible returns a Fault", _feasibility),

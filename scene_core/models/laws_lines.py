@@ -114,7 +114,7 @@ def _batched(t: Trial) -> str:
 
 
 _LAWS = (
-    ("labels, units and prior have matching lengths", declared),
+    ("the prior has the length of what is not measured", declared),
     ("initialise puts the line where it was seen, with its Jacobians", _birth),
     ("primitive has the right Jacobian", _primitive),
     ("redefine is a change of axes with its Jacobians", _redefinition),

@@ -22,7 +22,6 @@ from scene_core.models.judge import (
     not_shaped,
     not_spread_like,
     own_scale,
-    paired,
     sample_pose,
     sample_state,
     tried,
@@ -73,9 +72,6 @@ def _declared(t: _Trial) -> str:
     length = np.array([len(model.calib_labels)])
     return first(
         [
-            paired("state", model.state_labels, model.state_units),
-            paired("control", model.control_labels, model.control_units),
-            paired("calibration", model.calib_labels, model.calib_units),
             not_equal("calib0's length", np.array(t.k0.shape), length),
             "" if "base" in model.hooks else "there is no hook 'base'",
         ]
@@ -179,7 +175,7 @@ def _noisy(t: _Trial) -> str:
 
 
 _LAWS = (
-    ("labels, units and calibration have matching lengths", _declared),
+    ("calib0 is as long as its labels, a hook is called base", _declared),
     ("f has the right Jacobians, finite at rest", _process),
     ("Q, U and U_unknown are covariances", _noise),
     ("xp is a position state with its Jacobian", _position),

@@ -17,7 +17,6 @@ from scene_core.models.judge import (
     not_covariance,
     not_equal,
     not_shaped,
-    paired,
     projectively_equal,
     sample_pose,
     sample_rays,
@@ -60,7 +59,6 @@ def _first_cloud(t: _Trial) -> str:
     mean, var = model.moments(cloud)
     return first(
         [
-            paired("free", model.free_labels, model.free_units),
             not_shaped("lam", cloud.lam, (len(cloud.w), f)),
             not_equal("the sum of the weights", cloud.w.sum(keepdims=True), np.ones(1)),
             "" if (cloud.w > 0.0).all() else "a particle starts without weight",

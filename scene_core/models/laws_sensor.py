@@ -21,7 +21,6 @@ from scene_core.models.judge import (
     not_shaped,
     not_spread_like,
     own_scale,
-    paired,
     tried,
 )
 
@@ -73,8 +72,6 @@ def _declared(t: _Trial) -> str:
     length = np.array([len(model.calib_labels)])
     return first(
         [
-            paired("measurement", model.labels, model.units),
-            paired("calibration", model.calib_labels, model.calib_units),
             not_shaped("labels", model.labels, (m,)),
             not_shaped("limits", model.limits, (m, 2)),
             not_equal("calib0's length", np.array(t.k0.shape), length),
@@ -174,7 +171,7 @@ def _batched(t: _Trial) -> str:
 
 
 _LAWS = (
-    ("labels, units, limits and calibration have matching lengths", _declared),
+    ("labels, limits and calibration have matching lengths", _declared),
     ("project has the right Jacobians and is of degree zero", _projection),
     ("project stays finite everywhere", _finite),
     ("backproject inverts project, with unit rays and the right Jacobians", _backprojection),

@@ -26,9 +26,10 @@ import numpy as np
 from scene_core import params
 from scene_core.models import guard
 from scene_core.models.check import check, no_default
-from scene_core.models.judge import Report
+from scene_core.models.judge import Report, raised
 from scene_core.models.registry import KINDS
 from scene_core.models.rows import not_batched
+from scene_core.text_file import text_of
 
 GROUP = "scene.models"
 """Entry points of this group name a module with models, or a model class."""
@@ -83,13 +84,13 @@ def load_file(path: str | Path) -> UserFile:
     """Execute a file and check the models it defines. Nothing the file does is raised."""
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = text_of(path, "a Python file")
         lines = _class_lines(ast.parse(text, str(path)))
         code = compile(text, str(path), "exec", dont_inherit=True)
     except SyntaxError as e:
         return UserFile(path.name, problem=f"{path.name}, line {e.lineno}: {e.msg}")
-    except (OSError, ValueError) as e:
-        return UserFile(path.name, problem=f"{path.name} can not be read: {e}")
+    except ValueError as e:
+        return UserFile(path.name, problem=str(e))
     # Never a cached bytecode: two saves within a second must be two versions.
     module = ModuleType(f"_scene_models_{next(_loads)}_{path.stem}")
     module.__file__ = str(path)
@@ -124,7 +125,7 @@ def installed() -> tuple[UserFile, ...]:
 def in_time(name: str, load: Any) -> UserFile:
     """What `load` returns, unless it takes too long: then a sentence in which function."""
     done: list[UserFile] = []
-    thread = Thread(target=lambda: done.append(_until_abandoned(load)), daemon=True)
+    thread = Thread(target=lambda: done.append(_loaded(name, load)), daemon=True)
     thread.start()
     thread.join(PATIENCE_S)
     if done:
@@ -136,11 +137,13 @@ def in_time(name: str, load: Any) -> UserFile:
     return UserFile(name, problem=f"{name} was left out: {what} within {PATIENCE_S:g} s")
 
 
-def _until_abandoned(load: Any) -> UserFile:
+def _loaded(name: str, load: Any) -> UserFile:
     try:
         return load()
     except guard.Abandoned:
-        return UserFile("")
+        return UserFile(name)  # nobody waits for it any more
+    except Exception as e:  # a class may raise whenever it is looked at
+        return UserFile(name, problem=f"{name} was left out: {raised(e)}")
 
 
 def _class_lines(tree: ast.Module) -> dict[str, int]:

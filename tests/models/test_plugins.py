@@ -77,8 +77,10 @@ def test_a_file_that_can_not_be_used_is_one_sentence(
 
 def test_a_file_that_is_no_text_is_one_sentence(folder: Path) -> None:
     (folder / "mine.py").write_bytes(b"\xff\xfe\x00")
-    assert load_file(folder / "mine.py").problem.startswith("mine.py can not be read")
-    assert "can not be read" in load_file(folder / "nowhere.py").problem
+    assert load_file(folder / "mine.py").problem.endswith(
+        "mine.py is not a text file: give a Python file"
+    )
+    assert "can not be opened: No such file" in load_file(folder / "nowhere.py").problem
 
 
 @pytest.mark.parametrize(
@@ -111,6 +113,41 @@ def test_a_file_that_is_no_text_is_one_sentence(folder: Path) -> None:
             "@dataclass(frozen=True)\nclass A(RangeBearing):\n    name = 'a'\n"
             "    units = ('m', 'deg')",
             "'a' does not conform: units are known: units: no unit 'deg'; write e.g. m, rad",
+        ),
+        (
+            "@dataclass(frozen=True)\nclass A(RangeBearing):\n    name = 'a'\n    units = ('m',)",
+            "'a' does not conform: every label has a unit: 2 labels, 1 units",
+        ),
+        (
+            "@dataclass(frozen=True)\nclass A(PlanarUnicycle):\n    name = 'a'\n"
+            "    state_units = ('m', 'm')",
+            "'a' does not conform: every label has a unit: 3 state_labels, 2 state_units",
+        ),
+        (
+            "@dataclass(frozen=True)\nclass A(PlanarUnicycle):\n    name = 'a'\n"
+            "    state_labels = ('z', 'z', 'phi')",
+            "'a' does not conform: labels are different texts: state_labels has 'z' twice",
+        ),
+        (
+            "@dataclass(frozen=True)\nclass A(PlanarUnicycle):\n    name = 'a'\n    space = '2-D'",
+            "'a' does not conform: the space is 1-D, 2-D or 3-D: space is '2-D'; write ONE_D",
+        ),
+        (
+            "@dataclass(frozen=True)\nclass A(PlanarUnicycle):\n    name = 'a'\n"
+            "    slip: float = param(-1.0, lo=0.0)",
+            "'a' does not conform: parameters start in their ranges: parameter slip = -1",
+        ),
+        (
+            "@dataclass(frozen=True)\nclass A(PlanarUnicycle):\n    name = 'a'\n"
+            "    def U(self, u, dt): return 1j * np.eye(2)",
+            "'a' does not conform: Q, U and U_unknown are covariances: raised ModelError: mine.py, "
+            "line 12: 'a'.U: U holds complex numbers",
+        ),
+        (
+            "@dataclass(frozen=True)\nclass A(PlanarUnicycle):\n    name = 'a'\n"
+            "    def U(self, u, dt): return u / [][0]",
+            "'a' does not conform: Q, U and U_unknown are covariances: mine.py, line 12: raised "
+            "IndexError: list index out of range",
         ),
         (
             "@dataclass(frozen=True)\nclass A(PlanarUnicycle):\n    name = 'impulse'",
