@@ -10,8 +10,12 @@ from scene_core.geometry import quaternion
 from scene_core.geometry.spaces import THREE_D
 from scene_core.models import radial
 from scene_core.models.base import Fault
+from scene_core.models.features.anchored_homogeneous import AnchoredHomogeneous
+from scene_core.models.features.homogeneous import HomogeneousPoint
 from scene_core.models.features.inverse_depth import InverseDepth
+from scene_core.models.features.point_3d import EuclideanPoint
 from scene_core.models.motion.impulse import Impulse
+from scene_core.models.sensors.omnidirectional import Omnidirectional
 from scene_core.models.sensors.pinhole import Pinhole
 from scene_core.models.sensors.wide_angle import WideAngle
 
@@ -24,22 +28,6 @@ FLIP = np.diag([-1.0, -1.0, 1.0])
 @pytest.fixture(scope="module")
 def scenelib(golden):
     return json.loads(golden("scenelib2_reference.json").read_text())
-
-
-@pytest.fixture(scope="module")
-def slamtb(golden):
-    records = json.loads(golden("slamtb_functions.json").read_text())["records"]
-
-    def named(name):
-        chosen = [r for r in records if r["name"] == name]
-        assert chosen, name
-        return [
-            ({k: np.array(v) for k, v in r["inputs"].items()},
-             {k: np.array(v) for k, v in r["outputs"].items()})
-            for r in chosen
-        ]  # fmt: skip
-
-    return named
 
 
 UNIBRAIN = WideAngle(
@@ -155,20 +143,25 @@ def test_distortion(slamtb):
         close(back.by_p @ r.by_p, np.eye(2))
 
 
+def omnidirectional(k):
+    return Omnidirectional(theta_min=0.0).with_calib(k)
+
+
 @pytest.mark.parametrize(
     ("name", "landmark"),
-    [("projEucPntIntoPinHoleOnRob", None), ("projIdpPntIntoPinHoleOnRob", InverseDepth())],
+    [
+        ("projEucPntIntoPinHoleOnRob", EuclideanPoint()),
+        ("projIdpPntIntoPinHoleOnRob", InverseDepth()),
+        ("projHmgPntIntoPinHoleOnRob", HomogeneousPoint()),
+        ("projAhmPntIntoOmniCamOnRob", AnchoredHomogeneous()),
+    ],
+    ids=lambda x: getattr(x, "name", None),
 )
 def test_the_whole_observation_chain(slamtb, name, landmark):
     for given, expected in slamtb(name):
-        d = np.atleast_1d(given["d"])
-        model = Pinhole(distortion=tuple(d))
-        k = np.r_[given["k"], d]
-        y = given["l"]
-        if landmark is None:
-            X, dX_by_dy = np.r_[y, 1.0], np.eye(4)[:, :3]
-        else:
-            X, dX_by_dy = landmark.primitive(y)
+        d, k = np.atleast_1d(given["d"]), np.r_[given["k"], given["d"]]
+        model = omnidirectional(k) if "OmniCam" in name else Pinhole(distortion=tuple(d))
+        X, dX_by_dy = landmark.primitive(given["l"])
         pose = THREE_D.compose(given["Rf"], given["Sf"])
         seen = THREE_D.to_local(pose.x, X)
         r = model.project(seen.X, k)
@@ -182,8 +175,20 @@ def test_the_whole_observation_chain(slamtb, name, landmark):
         ):
             G = THREE_D.from_tangent(xp)
             close(J @ G, expected[theirs] @ G, atol=1e-7)
-        close(r.dh_by_dk[:, :4], expected["U_k"], atol=1e-7)
-        close(r.dh_by_dk[:, 4:], expected["U_d"].reshape(2, len(d)), atol=1e-7)
+        close(r.dh_by_dk[:, : -len(d) or None], expected["U_k"], atol=1e-7)
+        close(r.dh_by_dk[:, len(k) - len(d) :], expected["U_d"].reshape(2, len(d)), atol=1e-7)
+
+
+def test_the_omnidirectional_camera(slamtb):
+    ((given, expected),) = slamtb("omniCam")
+    k = np.r_[given["k"], given["pol"]]
+    r = omnidirectional(k).project(np.r_[given["p"], 1.0], k)
+    close(r.h, expected["u"])
+    close(r.dh_by_dX[:, :3], expected["U_p"], atol=1e-7)
+    close(r.dh_by_dk, np.c_[expected["U_k"], expected["U_pol"]], atol=1e-7)
+    # Theirs is a second polynomial: ours leads back to where it came from.
+    ray = omnidirectional(k).backproject(r.h, np.zeros(1), k).X[:3]
+    close(ray, given["p"] / np.linalg.norm(given["p"]))
 
 
 def test_a_first_view(slamtb):
@@ -196,6 +201,9 @@ def test_a_first_view(slamtb):
         start = InverseDepth().initialise(xws, b.X)
         direction = InverseDepth().primitive(start.y).X[:3] - given["rho"] * xws[:3]
         close(np.r_[start.y[:3], direction, start.y[5]], expected["l"])
+        start = AnchoredHomogeneous().initialise(xws, b.X)
+        close(start.y, expected["l"])
+        close(start.dy_by_dX @ b.dX_by_dn, expected["L_rho"].reshape(7, 1))
 
 
 def test_inverse_depth_in_other_axes_and_as_a_point(slamtb):
@@ -209,6 +217,17 @@ def test_inverse_depth_in_other_axes_and_as_a_point(slamtb):
         r = landmark.convert(given["idp"])
         close(r.y, expected["p"])
         close(r.dy_by_dy, expected["P_idp"])
+
+
+def test_anchored_homogeneous_points_in_other_axes_and_as_a_point(slamtb):
+    model = AnchoredHomogeneous()
+    for given, expected in slamtb("fromFrameAhm"):
+        close(model.redefine(expected["a"], given["F"]).value, given["ahm"])
+        close(model.redefine(expected["a"], given["F"]).by_state @ expected["A_af"], np.eye(7))
+    for given, expected in slamtb("ahm2euc"):
+        became = model.convert(given["ahm"])
+        close(became.y, expected["p"])
+        close(became.dy_by_dy, expected["P_ahm"])
 
 
 def test_linearity_index(slamtb):

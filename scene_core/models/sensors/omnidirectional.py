@@ -17,13 +17,14 @@ from scene_core.params import ParamError, param
 
 @dataclass(frozen=True)
 class Omnidirectional(CentralCamera):
-    """h = (u0, v0) + [c d; e 1] rho(theta) (x, y) / r,  rho = a0 + a1 theta + a2 theta^2 + ...,
+    """h = (u0, v0) + [1 e; d c] rho(theta) (x, y) / r,  rho = a0 + a1 theta + a2 theta^2 + ...,
     theta = atan2(z, r),  r = |(x, y)|
 
     theta is the elevation above the plane of the lens [rad]: pi/2 on the optical axis, negative
     behind; rho falls from 0 at pi/2 to the edge of the image. h = (u, v) [px];
-    k = (u0, v0, c, d, e, a0, a1, ...) [px, 1]. Seen is what lies above `theta_min`. The inverse is
-    Newton's method on the same polynomial, with the Jacobian of the implicit function.
+    k = (u0, v0, c, d, e, a0, a1, ...) [px, 1], c, d and e as in the literature, whose first
+    coordinate counts rows and whose second columns. Seen is what lies above `theta_min`. The
+    inverse is Newton's method on the same polynomial, with the Jacobian of the implicit function.
 
     Source: Scaramuzza, Martinelli, Siegwart, *A flexible technique for accurate omnidirectional
     camera calibration and structure from motion*, ICVS 2006; Solà, *An EKF-SLAM toolbox in Matlab*,
@@ -42,11 +43,11 @@ class Omnidirectional(CentralCamera):
     v0: float = param(400.0, unit="px", lo=-16384.0, hi=16384.0, soft=(0.0, 800.0))
     """Row of the optical axis, from the image's top border."""
     affine_c: float = param(1.0, lo=0.1, hi=10.0, soft=(0.9, 1.1), label="Affine c")
-    """Columns per row: pixels that are not square, or a sensor askew."""
+    """Scale of the rows against the columns: pixels that are not square, or a sensor askew."""
     affine_d: float = param(0.0, lo=-5.0, hi=5.0, soft=(-0.05, 0.05), label="Affine d")
-    """Shear of the columns with the rows."""
-    affine_e: float = param(0.0, lo=-5.0, hi=5.0, soft=(-0.05, 0.05), label="Affine e")
     """Shear of the rows with the columns."""
+    affine_e: float = param(0.0, lo=-5.0, hi=5.0, soft=(-0.05, 0.05), label="Affine e")
+    """Shear of the columns with the rows."""
     polynomial: tuple[float, ...] = param(
         (608.9396077927713, -362.9889834959149, -23.561944901923447, 5.0),
         unit="px",
@@ -109,8 +110,8 @@ class Omnidirectional(CentralCamera):
         A = _affine(k)
         by_k = np.zeros((*p.shape, len(k)))
         by_k[..., 0, 0] = by_k[..., 1, 1] = 1.0
-        by_k[..., 0, 2] = by_k[..., 1, 4] = q[..., 0]
-        by_k[..., 0, 3] = q[..., 1]
+        by_k[..., 1, 2] = by_k[..., 0, 4] = q[..., 1]
+        by_k[..., 1, 3] = q[..., 0]
         by_k[..., 5:] = (way @ A.T)[..., :, None] * powers[..., None, :]
         return Lens(k[:2] + q @ A.T, A @ by_p, by_k)
 
@@ -133,8 +134,8 @@ class Omnidirectional(CentralCamera):
         by_k = np.zeros((*h.shape, len(k)))
         by_k[..., :2] = -by_h
         # A q = h - c: dq/dA = -A^-1 dA q.
-        by_k[..., 2], by_k[..., 3] = -by_h[..., 0] * q[..., :1], -by_h[..., 0] * q[..., 1:]
-        by_k[..., 4] = -by_h[..., 1] * q[..., :1]
+        by_k[..., 2], by_k[..., 3] = -by_h[..., 1] * q[..., 1:], -by_h[..., 1] * q[..., :1]
+        by_k[..., 4] = -by_h[..., 0] * q[..., 1:]
         by_k[..., 5:] = way[..., :, None] * (powers / slope[..., None])[..., None, :]
         return Lens(alpha[..., None] * way, by_h, by_k)
 
@@ -149,7 +150,7 @@ class Omnidirectional(CentralCamera):
 
 
 def _affine(k: Vec) -> Mat:
-    return np.array([[k[2], k[3]], [k[4], 1.0]])
+    return np.array([[1.0, k[4]], [k[3], k[2]]])
 
 
 def _polynomial(theta: Vec, a: Vec) -> tuple[Vec, Vec, Vec]:
