@@ -133,7 +133,11 @@ class Camera(CentralCamera):
         return Projection(lens.p, dh_by_dX, lens.by_k)
 
     def backproject(self, z: Vec, n: Vec, k: Vec) -> Backprojection:
-        """Unit ray m = (p, 1) / |(p, 1)| and w = n, n (..., 1) the inverse distance [1/m]."""
+        """Unit ray m = (p, 1) / |(p, 1)| and w = n, n (..., 1) the inverse distance [1/m].
+
+        The Jacobian of v / |v| is exact: SceneLib's has the square of the norm, the toolbox's is
+        I / |v|.
+        """
         lens = self.unimage(z, k)
         length = np.sqrt(1.0 + np.vecdot(lens.p, lens.p))[..., None]
         X = np.empty((*lens.p.shape[:-1], 4))

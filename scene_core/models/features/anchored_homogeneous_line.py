@@ -18,7 +18,8 @@ class AnchoredHomogeneousLine(PointPair):
     prior N(rho_mean, rho_sd^2). Never converted. The ends are t = 0 and 1, X(t) = X1 + t (X2 - X1).
 
     Source: Solà, Vidal-Calleja, Civera, Montiel, *Impact of landmark parametrization on monocular
-    EKF-SLAM with points and lines*, IJCV 2012, "AHPL"; the toolbox's landmark "ahmLin".
+    EKF-SLAM with points and lines*, IJCV 2012, "AHPL"; the toolbox's landmark "ahmLin",
+    which starts with the derivative of the second ray a row too high.
     """
 
     name = "anchored homogeneous line"

@@ -28,7 +28,8 @@ class FramedHomogeneous(RayPoint):
     4 sigma_rho / rho^2 / |p - c| |cos(R m, p - c)| < linearity.
 
     Source: Ceriani, Marzorati, Matteucci, Migliore, Sorrenti, *On feature parameterization for
-    EKF-based monocular SLAM*, IFAC 2011, "FHP", whose direction are ideal image coordinates.
+    EKF-based monocular SLAM*, IFAC 2011, "FHP", whose direction are ideal image coordinates;
+    the toolbox lists it as "fhmPnt" and does not have it.
     """
 
     name = "framed homogeneous"

@@ -26,7 +26,7 @@ class RollPitch(InternalMeasurementModel):
     (Scene), where z is up it is x forward, y left, z up. Roll and pitch are the angles of Y in two
     planes of the body, not Euler's. Not used on its side, where they lose their meaning.
 
-    Source: Davison, Scene library, ROLL_PITCH.
+    Source: Davison, Scene library, ROLL_PITCH; its derivative of the pitch has the roll's factor.
     """
 
     name = "roll and pitch"

@@ -29,11 +29,13 @@ class Impulse(MotionModel):
     Q = G diag(sd_V^2, sd_Omega^2) G',  G = [I dt, 0; 0, dq'/dOmega; I, 0; 0, I] at n = 0
 
     xv = (x, y, z, qw, qx, qy, qz, vx, vy, vz, wx, wy, wz) [m, 1, m/s, rad/s]: v in the world,
-    w in the robot. Per second: sd_V = sd_accel dt, sd_Omega = sd_ang_accel dt. Jacobians are finite
-    at w = 0.
+    w in the robot. Per second: sd_V = sd_accel dt, sd_Omega = sd_ang_accel dt; per step: sd_V =
+    sd_accel, sd_Omega = sd_ang_accel, whatever dt.
 
-    Source: Davison, Reid, Molton, Stasse, *MonoSLAM*, PAMI 2007, section 3.4; per step: Solà,
-    *An EKF-SLAM toolbox in Matlab*, motion model "constVel".
+    Source: Davison, Reid, Molton, Stasse, *MonoSLAM*, PAMI 2007, section 3.4, whose Jacobian is 0/0
+    at w = 0 in the released library, and which could not change axes; per step: Solà, *An EKF-SLAM
+    toolbox in Matlab*, motion model "constVel", which turns by q + q w dt / 2 in the filter alone,
+    and whose impulses move the robot from the next step on.
     """
 
     name = "impulse"

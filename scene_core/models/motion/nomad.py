@@ -32,8 +32,8 @@ class PlanarNomad(MotionModel):
     k = (F), the speed scale: true speed over commanded speed. xp = (z, x, T).
     U = diag((sd_v v)^2, (sd_steer dS)^2, (sd_turret dT)^2), Q = 0.
 
-    Source: Davison, Scene library, planar Nomad robot (TwoD); its Fv is k here, and is a part of
-    the state when it is estimated.
+    Source: Davison, Scene library, planar Nomad robot (TwoD); its Fv, in the state with variance
+    zero as shipped, is k here, and is a part of the state when it is estimated.
     """
 
     name = "planar nomad"

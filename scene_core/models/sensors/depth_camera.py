@@ -23,8 +23,9 @@ class DepthCamera(Camera):
     optical axis, not along the ray. R = diag(sd_px^2, sd_px^2, sd_d^2) with
     sd_d = sd_depth + depth_growth depth^2: the error of a depth that comes from triangulation.
 
-    Source: Solà, *An EKF-SLAM toolbox in Matlab*, sensor "pinHoleDepth" (depth_growth = 0);
-    Khoshelham, Oude Elberink, *Accuracy and Resolution of Kinect Depth Data*, Sensors 2012.
+    Source: Solà, *An EKF-SLAM toolbox in Matlab*, sensor "pinHoleDepth" (depth_growth = 0; its
+    simulator takes the variance for the deviation); Khoshelham, Oude Elberink, *Accuracy and
+    Resolution of Kinect Depth Data*, Sensors 2012.
     """
 
     name = "depth camera"

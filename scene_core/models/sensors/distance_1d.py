@@ -55,4 +55,5 @@ class Distance1D(Sensor):
         return np.full((*h.shape, 1), self.sd**2)
 
     def visibility(self, h: Vec, X: Vec, xws: Vec, pose0: Vec, y_X: Vec) -> np.ndarray:
+        """OUTSIDE the reach, either way."""
         return np.where(np.abs(h[..., 0]) > self.reach, int(Fault.OUTSIDE), 0)

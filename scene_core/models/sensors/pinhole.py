@@ -21,8 +21,11 @@ class Pinhole(Camera):
     r = |p|; h = (u, v) [px]; k = (u0, v0, fu, fv, d2, d4, ...) [px, 1].
     Inverse by Newton's method with the Jacobian of the implicit function.
 
-    Source: Solà, *An EKF-SLAM toolbox in Matlab*, sensor "pinHole"; OpenCV's k1, k2, k3 are d2,
-    d4, d6.
+    Seen is what lies within the radius at which the polynomial folds.
+
+    Source: Solà, *An EKF-SLAM toolbox in Matlab*, sensor "pinHole", whose inverse is a second
+    polynomial fitted to the first, and whose lines know of no distortion; OpenCV's k1, k2, k3 are
+    d2, d4, d6.
     """
 
     name = "pinhole"

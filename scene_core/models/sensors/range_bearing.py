@@ -95,6 +95,7 @@ class RangeBearing(Sensor):
         return Innovation(nu, -np.eye(2), np.eye(2))
 
     def visibility(self, h: Vec, X: Vec, xws: Vec, pose0: Vec, y_X: Vec) -> np.ndarray:
+        """OUTSIDE the reach or the field of view."""
         r, b = h[..., 0], h[..., 1]
         outside = (r < self.reach_min) | (r > self.reach_max)
         outside |= np.abs(b) > 0.5 * self.field_of_view

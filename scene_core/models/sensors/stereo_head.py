@@ -24,7 +24,8 @@ class StereoHead(Sensor):
     distance between the cameras. R = diag(sd_pan^2, sd_elevation^2, sd_vergence^2). The height of
     the head is part of its mount's pose. A point at infinity has vergence 0.
 
-    Source: Davison, Scene library, head point features of the Nomad's active head.
+    Source: Davison, Scene library, head point features of the Nomad's active head, where the limit
+    of the vergence is declared and never tested.
     """
 
     name = "stereo head"
