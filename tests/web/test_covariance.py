@@ -4,18 +4,22 @@ import numpy as np
 import pytest
 
 from scene_core.geometry.correlation import correlation, largest_canonical_correlations
+from tests.web.fakes import published
 from tests.web.traces import cloister
-from web_panels import covariance
-from web_panels.covariance import (
+from web_panels import correlation_table
+from web_panels.correlation_picture import (
+    APART,
     LEFT,
     SIDE,
     TOP,
-    others_html,
-    parts_of,
+    _Name,
     picture,
     ramp,
-    table_of,
+    spread,
+    wanted,
 )
+from web_panels.correlation_table import merged, parts_of, table_of
+from web_panels.covariance import others_html
 
 
 def test_the_parts_cover_the_state_once_and_in_order():
@@ -30,7 +34,7 @@ def test_a_large_state_is_shown_by_blocks_and_a_small_one_by_numbers(monkeypatch
     table = table_of(world, None)
     assert not table.signed
     assert len(table.values) == len(table.names)
-    monkeypatch.setattr(covariance, "ROWS", 10_000)
+    monkeypatch.setattr(correlation_table, "ROWS", 10_000)
     small = table_of(world, None)
     assert small.signed
     np.testing.assert_array_equal(small.values, correlation(world.gauss.P))
@@ -59,7 +63,7 @@ def test_the_selected_landmark_is_framed_in_white_and_only_it():
 def test_a_selected_landmark_beyond_the_shown_blocks_is_shown_all_the_same(monkeypatch):
     world = cloister().world
     label = list(world.features)[-1]
-    monkeypatch.setattr(covariance, "BLOCKS", 6)
+    monkeypatch.setattr(correlation_table, "BLOCKS", 6)
     names = table_of(world, label).names
     assert len(names) == 6
     assert names[-1][3] == label
@@ -90,3 +94,37 @@ def test_colours_are_extreme_at_the_ends_and_dark_at_zero():
     signed, plain = ramp(True).astype(int), ramp(False).astype(int)
     assert signed[127].sum() < 220 and plain[0].sum() < 120
     assert signed[0][2] > signed[0][0] and signed[-1][0] > signed[-1][2]
+
+
+@pytest.mark.parametrize(
+    ("preset", "names"),
+    [
+        ("arm", ["foot r", "foot q", "q1 q2 q3", "calib"]),
+        ("inertial", ["r", "q", "v", "ba", "bg"]),
+        ("two_robots", ["r first", "q first", "r second", "q second", "pose"]),
+    ],
+)
+def test_long_runs_of_components_have_short_names(preset, names):
+    trace = published(preset, 1).trace
+    assert trace is not None
+    assert [p.name for p in merged(parts_of(trace.world)) if p.label is None] == names
+
+
+def test_names_keep_apart_and_stay_beside_the_picture():
+    rng = np.random.default_rng(0)
+    for n in (1, 5, SIDE // APART):
+        at = sorted(rng.integers(0, SIDE // 3, n).tolist())
+        places = np.array(spread(at, APART, SIDE))
+        assert (np.diff(places) >= APART).all()
+        assert places.max() <= SIDE
+    far = [10, 200, 400]
+    assert spread(far, APART, SIDE) == far, "nobody is moved without need"
+    assert spread([SIDE, SIDE], APART, SIDE) == [SIDE - APART, SIDE]
+
+
+def test_all_names_but_landmarks_are_shown_and_the_selected_one():
+    names = [_Name("r", 0, None, False), _Name("q", 1, None, False)]
+    names += [_Name(str(i), 2 + i, i, i == 33) for i in range(60)]
+    shown = wanted(names, 20)
+    assert len(shown) <= 20 and {"r", "q", "33"} <= {n.text for n in shown}
+    assert wanted(names[:12], 20) == names[:12]

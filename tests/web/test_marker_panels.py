@@ -9,7 +9,8 @@ from scene_core.geometry.correlation import largest_canonical_correlations
 from scene_core.session.presets_particles import cooperation
 from scene_core.session.session import Session
 from web_panels.clouds import Clouds
-from web_panels.covariance import others_html, parts_of, table_of
+from web_panels.correlation_table import parts_of, table_of
+from web_panels.covariance import others_html
 from web_panels.inspector import inspector_html
 from web_panels.map_geometry import STRONG, WEAK, correlation_colours
 
