@@ -17,6 +17,8 @@ from web_panels.panel import Page, Post
 from web_panels.style import HEX, PHASES, escape, number, shown
 from web_panels.verdicts import states
 
+CERTAIN = 1e-9
+"""A standard deviation below this is what rounding left of none."""
 POINTS = 150
 """Samples of the consistency curve."""
 
@@ -108,6 +110,7 @@ def pose_rows(
     for i, (label, unit, value, one_sd) in enumerate(rows):
         v, u = shown(value, unit)
         sd = shown(3.0 * float(one_sd), unit)[0]
+        sd = sd if sd > CERTAIN else 0.0
         gap = "" if u.startswith("°") else " "
         error = "" if wrong is None else _signed(shown(float(wrong[i]), unit)[0])
         out += (
@@ -168,13 +171,15 @@ def consistency(r: RobotSeries) -> str:
     return (
         '<div class="row"><span class="h">Consistency</span>'
         f"<span>NEES <b>{number(value, 3)}</b> "
-        f'<span class="d">in {lo:.2f} to {hi:.2f} ({r.nees_dof} DoF, 95 %)</span></span></div>'
+        f'<span class="d">in {lo:.2f} to {hi:.2f}</span></span></div>'
         '<svg viewBox="0 0 288 46" width="100%" style="display:block;margin:5px 0 10px">'
         '<rect width="288" height="46" rx="3" fill="var(--card)"/>'
         f'<rect y="{y(hi):.1f}" width="288" height="{y(lo) - y(hi):.1f}" fill="{c}" opacity=".13"/>'
         f'<path d="M0 {y(hi):.1f}H288M0 {y(lo):.1f}H288" stroke="{c}" stroke-dasharray="4 3" '
         'opacity=".6"/>'
-        f'<polyline points="{line}" fill="none" stroke="var(--ink)" stroke-width="1.3"/></svg>'
+        f'<polyline points="{line}" fill="none" stroke="var(--ink)" stroke-width="1.3"/>'
+        '<text x="284" y="9.5" text-anchor="end" font-size="9" fill="var(--dim)">'
+        f"95 %, {r.nees_dof} DoF</text></svg>"
     )
 
 

@@ -16,7 +16,7 @@ LIGHTS = {
     "consistent": ("estimate", "consistent"),
     "overconfident": ("accepted", "overconfident"),
     "cautious": ("nomatch", "cautious"),
-    "unknown": ("out", "no truth"),
+    "unknown": ("out", "nothing measured"),
 }
 """Palette key and word of every state of the consistency light."""
 

@@ -27,6 +27,7 @@ STAY_S = 2.5
 """While playing, a feature that nobody selected is shown at least this long."""
 PATCH_PX = 58
 DASHED = {"rejected": "dashed"}
+NOTHING = block("Nothing to inspect yet: press <kbd>Space</kbd>.")
 
 
 class Inspector:
@@ -44,11 +45,16 @@ class Inspector:
         self._run = -1
 
     def build(self, server: viser.ViserServer, post: Post) -> None:
-        self.html = server.gui.add_html(block("Nothing to inspect yet: press <kbd>Space</kbd>."))
+        self.html = server.gui.add_html(NOTHING)
 
     def render(self, p: Published) -> None:
         trace = p.trace
-        if trace is None or (p.mode == "playing" and not trace.complete):
+        if trace is None:
+            self._key = self._trace = None
+            if self.html.content != NOTHING:
+                self.html.content = NOTHING
+            return
+        if p.mode == "playing" and not trace.complete:
             return
         label = self._label(p, trace)
         key = (p.run, id(trace), label, p.selected)
@@ -122,7 +128,7 @@ def _section(
     return (
         f'{head}<div style="display:flex;gap:12px;align-items:flex-start">'
         f'<table style="flex:1">{rows}</table>{patches}</div>'
-        f"{equation(a, told, sensor, p.particles is not None)}"
+        f"{equation(a, told, sensor, p)}"
         f"{'' if feature is None else particles_card(feature)}"
         f"{jacobian(trace.world, p, p.row[label], feature, sensor)}"
     )

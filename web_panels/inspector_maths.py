@@ -17,6 +17,8 @@ from web_panels.style import HEX, escape, gate_words, number, shown
 
 CARD_PX, SYMBOLS_PX, DIGIT_PX = 405.0, 268.0, 8.0
 """What the card has room for, what d2's equation takes without its numbers, and one digit more."""
+ROW_CHARACTERS = 58
+"""Of the numbers of a Jacobian that fit beside each other."""
 
 
 def _spec(a: np.ndarray) -> str:
@@ -42,19 +44,19 @@ def _zoom(nu: np.ndarray, S: np.ndarray, d2: str) -> float:
     return min(1.0, CARD_PX / (SYMBOLS_PX + DIGIT_PX * (len(d2) + sum(widest))))
 
 
-def equation(a: Association | None, told: Story, sensor: Sensor, opened: bool = False) -> str:
+def equation(a: Association | None, told: Story, sensor: Sensor, p: Predictions) -> str:
     """d2 = nu' S^-1 nu with its numbers, and the bar against the gate.
 
-    opened: of particles; d2 is then that of the nearest one, whose numbers nobody kept.
+    Of particles it is the d2 of the nearest one, whose numbers nobody kept.
     """
     if a is None or a.nu is None or a.d2 is None or a.gate is None:
         return ""
-    if opened:
+    if p.particles is not None:
         note = '<div class="d" style="text-align:center">d2 of the nearest particle</div>'
         return (
             f'<div class="card" style="margin-top:8px">{note}{_gate(a, a.d2, a.gate, told)}</div>'
         )
-    is_line = len(a.h) != len(a.S)
+    is_line = p.shape == "segment"
     if is_line:
         a = replace(a, nu=1e3 * a.nu, S=1e6 * a.S)
         assert a.nu is not None and a.d2 is not None and a.gate is not None
@@ -158,19 +160,31 @@ def _block_table(
     title: str, measured: tuple[str, ...], H: np.ndarray, names: list[str], zero: list[str]
 ) -> str:
     spec = _spec(H)
-    head = "".join(f"<th>{escape(n)}</th>" for n in names)
-    rows = "".join(
-        f'<tr><td class="d">{escape(label)}</td>'
-        + "".join(f"<td>{mm.signed(format(v, spec))}</td>" for v in row)
-        + "</tr>"
-        for label, row in zip(measured, H, strict=True)
-    )
+    cells = [[mm.signed(format(v, spec)) for v in row] for row in H]
+    out = ""
+    for columns in rows_of_columns([max(map(len, c)) for c in zip(names, *cells, strict=True)]):
+        head = "".join(f"<th>{escape(n)}</th>" for n in names[columns])
+        rows = "".join(
+            f'<tr><td class="d">{escape(label)}</td>'
+            + "".join(f"<td>{cell}</td>" for cell in row[columns])
+            + "</tr>"
+            for label, row in zip(measured, cells, strict=True)
+        )
+        out += f'<table class="m"><tr><th></th>{head}</tr>{rows}</table>'
     rest = f'<span class="d">zero: {escape(" ".join(zero))}</span>' if zero else ""
     return (
         f'<div class="row" style="margin-top:3px"><span class="m">{escape(title)}</span>{rest}'
-        f'</div><div style="overflow-x:auto"><table class="m"><tr><th></th>{head}</tr>{rows}'
-        "</table></div>"
+        f'</div><div style="overflow-x:auto">{out}</div>'
     )
+
+
+def rows_of_columns(widths: list[int]) -> list[slice]:
+    """Runs of columns, so many characters wide, that fit beside each other, equally many in each
+    as far as that goes."""
+    fit = max(1, ROW_CHARACTERS // (max(widths, default=0) + 2))
+    runs = -(-len(widths) // fit)
+    each = -(-len(widths) // max(runs, 1))
+    return [slice(i, i + each) for i in range(0, len(widths), max(each, 1))]
 
 
 def state_table(world: World, label: int) -> str:

@@ -55,6 +55,7 @@ class Layout:
         self.server, self.post, self.page = server, post, page
         self.fixed: list[Panel] = []
         self.sensors: dict[str, tuple[str, viser.GuiTabHandle, Panel]] = {}
+        """By mount: the kind of its pane, its tab and its panel."""
 
     @property
     def panels(self) -> list[Panel]:
@@ -111,14 +112,27 @@ class Layout:
     def fit_sensors(self, p: Published) -> None:
         """One tab for every mounted sensor, kept while its measurement space stays the same."""
         wanted = {name: m.sensor.pane for name, m in p.experiment.estimator.mounts.items()}
-        for name in [n for n, (pane, _, _) in self.sensors.items() if wanted.get(n) != pane]:
-            _, tab, _ = self.sensors.pop(name)
+        gone = [n for n, (pane, _, _) in self.sensors.items() if wanted.get(n) != pane]
+        old = [self.sensors.pop(name)[1] for name in gone]
+        for tab in old:
             viser_hooks.clear(tab)
-            tab.remove()
         for name, pane in wanted.items():
             if name not in self.sensors:
-                tab = self.upper.add_tab(name, icon=PANE_ICONS[pane])
+                tab = self._sensor_tab(old, name, PANE_ICONS[pane])
                 panel = SENSOR_PANES[pane](self.page, name)
                 with tab:
                     panel.build(self.server, self.post)
                 self.sensors[name] = (pane, tab, panel)
+        for tab in old:
+            tab.remove()
+
+    def _sensor_tab(
+        self, old: list[viser.GuiTabHandle], name: str, icon: Any
+    ) -> viser.GuiTabHandle:
+        """An old tab as long as there are any: a browser gives up the place, and the width, of a
+        panel whose tabs are all others than before."""
+        if not old:
+            return self.upper.add_tab(name, icon=icon)
+        tab = old.pop(0)
+        viser_hooks.rename(tab, name, icon)
+        return tab

@@ -37,9 +37,7 @@ class ModelsPanel:
         self.reports = server.gui.add_html("")
 
     def _rebuild(self, p: Published) -> None:
-        if self.box is not None:
-            self.box.remove()
-        self.group.forget()
+        self.group.remove(self.box)
         self.bound.clear()
         with self.place:
             self.box = self.gui.add_folder(None)

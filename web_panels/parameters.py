@@ -129,9 +129,7 @@ class _Parameters:
         client.send_file_download(f"{now.name}.toml", content, save_immediately=True)
 
     def _rebuild(self, p: Published, specs: list[Spec]) -> None:
-        if self.box is not None:
-            self.box.remove()
-        self.group.forget()
+        self.group.remove(self.box)
         self.fields = {}
         with self.place:
             self.box = self.gui.add_folder(None)

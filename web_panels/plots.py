@@ -139,6 +139,10 @@ class Plots:
             self.note.content = (
                 '<div class="e d">Curves start with the second frame: press <kbd>Space</kbd>.</div>'
             )
+            for plot in (self.error, self.nees, self.calibration, self.nis):
+                plot.hide()
+            self.ms.hide()
+            self.landmarks.hide()
             return
         if self.note.content:
             self.note.content = ""

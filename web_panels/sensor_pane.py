@@ -27,6 +27,8 @@ REACH = 14.0
 ChartFor = Callable[[Sensor, Scene], Chart]
 """The chart of a sensor, big enough for what is to be drawn."""
 
+NO_FRAME = style.block("No frame yet: press <kbd>Space</kbd>.")
+
 LEGEND = (
     ("fill", "accepted", "accepted"),
     ("ellipse", "nomatch", "no match"),
@@ -35,10 +37,10 @@ LEGEND = (
     ("ray", "partial", "partial"),
 )
 LEGEND_STYLE = (
-    ".lgs{display:flex;justify-content:space-between;overflow:hidden}"
+    ".lgs{display:flex;justify-content:space-between;flex-wrap:wrap;gap:0 6px}"
     ".e .lgs .lg{margin-right:0;gap:3px;font-size:10.5px;letter-spacing:-.01em}"
 )
-"""All five in one line of the docked panel."""
+"""All five in one line of the docked panel; in a narrower one they need two."""
 
 
 class SensorPane:
@@ -67,28 +69,35 @@ class SensorPane:
     def build(self, server: viser.ViserServer, post: Post) -> None:
         self.post = post
         width, height = self.empty
-        blank = np.full((height, width, 3), C["card"], np.uint8)
-        self.caption = server.gui.add_html(style.block("No frame yet: press <kbd>Space</kbd>."))
-        self.picture = ClickableImage(server, blank, self.clicked)
+        self.blank = np.full((height, width, 3), C["card"], np.uint8)
+        self.caption = server.gui.add_html(NO_FRAME)
+        self.picture = ClickableImage(server, self.blank, self.clicked)
         self.legend = server.gui.add_html("")
 
     def render(self, p: Published) -> None:
         trace = p.trace
+        if p.run != self._run:
+            self._clear()
+            self._run = p.run
         if trace is None or (p.mode == "playing" and not trace.complete):
             return
         look = self.page.look
         key = (p.run, id(trace), p.selected, look.truth)
-        if p.run != self._run:
-            self.shown.clear()
         if key != self._key:
             scene = scene_of(p, self.mount)
             self.page.between()
             # A sensor that did not fire keeps its last picture.
             if scene is not None and (scene.raw is not None or not self.shown):
                 self._draw(p, scene)
-            self._key, self._run, self._selected = key, p.run, p.selected
-            self._trace = trace
+            self._key, self._selected, self._trace = key, p.selected, trace
         self._caption(p)
+
+    def _clear(self) -> None:
+        """Nothing of another run stays in sight."""
+        if self.shown:
+            self.shown.clear()
+            self.picture.show(self.blank, -1)
+            self.caption.content, self.legend.content = NO_FRAME, ""
 
     def _draw(self, p: Published, scene: Scene) -> None:
         assert p.trace is not None

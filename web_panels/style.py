@@ -121,7 +121,10 @@ p:has(>label){overflow-wrap:break-word!important}p:has(>label) wbr{display:none}
 -webkit-box-orient:vertical;overflow:hidden}}
 @media(max-height:800px) and (min-width:48em){img[src^="blob:"]{
 max-height:calc(50vh - 115px)!important;width:auto!important;display:block;margin:0 auto}}
-.mantine-Tabs-tab{padding-inline:7px!important}
+[role=tab]{padding-inline:7px!important}
+.mantine-Flex-root:has(>.mantine-NumberInput-root:nth-child(3)) .mantine-NumberInput-section{
+display:none}
+.mantine-Flex-root:has(>.mantine-NumberInput-root:nth-child(3)) input{padding:0 .4em!important}
 @media(max-width:36em){.mantine-Paper-root[style*="bottom: 0px"][style*="width: 20em"],
 .mantine-Paper-root[style*="bottom: 0px"] div[style*="width: 20em"]{width:100%!important}}
 .u-legend{font-size:11px!important;margin:0!important}.u-title{font-size:12px!important;font-weight:600}

@@ -104,5 +104,5 @@ class Transport:
         span = max(last, first + 1)
         if (slider.min, slider.max) != (first, span):
             slider.min, slider.max = first, span
-        if p.trace is not None:
-            self.seek.show(min(max(p.trace.frame.index, first), span))
+        here = first if p.trace is None else p.trace.frame.index
+        self.seek.show(min(max(here, first), span))

@@ -32,6 +32,10 @@ HEARD: tuple[type, ...] = (
 """The messages of a browser that the page has a use for. No uploads, tunnels, drags or forms."""
 
 
+RETIRED_S = 3.0
+"""Longer than the slowest browser takes for a picture of the map."""
+
+
 class HooksError(RuntimeError):
     """The installed viser is not the one the page was built on."""
 
@@ -125,9 +129,8 @@ def open_channel(handle: viser.GuiTextHandle) -> str:
 def repeat(handle: Any) -> None:
     """Send a widget's value to every browser again, also to the one that believes otherwise."""
     state = handle._impl
-    if not state.removed:
-        update = messages.GuiUpdateMessage(state.uuid, {"value": state.value})
-        state.gui_api._websock_interface.queue_message(update)
+    update = messages.GuiUpdateMessage(state.uuid, {"value": state.value})
+    state.gui_api._websock_interface.queue_message(update)
 
 
 def show_jpeg(handle: viser.GuiImageHandle | viser.CameraFrustumHandle, data: bytes) -> None:
@@ -140,10 +143,34 @@ def show_jpeg(handle: viser.GuiImageHandle | viser.CameraFrustumHandle, data: by
         handle._image_data = data
 
 
+def retire(*handles: Any) -> None:
+    """Hide widgets, and remove them when no browser has news of them left to apply.
+
+    A browser applies what came since its last picture at once, removals first; it complains of
+    news for what is gone then.
+    """
+    for handle in handles:
+        handle.visible = False
+        loop = handle._impl.gui_api._event_loop
+        loop.call_soon_threadsafe(loop.call_later, RETIRED_S, _remove, handle)
+
+
+def _remove(handle: Any) -> None:
+    if not handle._impl.removed:
+        handle.remove()
+
+
 def clear(tab: viser.GuiTabHandle) -> None:
-    """Remove everything inside a tab, and keep the tab (removing it would change the open one)."""
-    for child in list(tab._children.values()):
-        child.remove()  # type: ignore[attr-defined]
+    """Take everything inside a tab off the page, and keep the tab."""
+    children = list(tab._children.values())
+    tab._children.clear()
+    retire(*children)
+
+
+def rename(tab: viser.GuiTabHandle, label: str, icon: Any) -> None:
+    """Give a tab another label and icon."""
+    tab._label = label
+    tab.icon = icon
 
 
 def refuse_tunnel(server: viser.ViserServer) -> None:

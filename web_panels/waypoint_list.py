@@ -72,9 +72,7 @@ class WaypointList:
 
     def _rebuild(self, p: Published, points: Points) -> None:
         gui, space = self.gui, space_of(p, self.robot)
-        if self.rows_box is not None:
-            self.rows_box.remove()
-        self.group.inputs[:] = [self.chooser.bound, self.placing]
+        self.group.remove(self.rows_box, self.chooser.bound, self.placing)
         self.rows = []
         names = ", ".join(space.labels[: space.d])
         with self.list:

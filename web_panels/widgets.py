@@ -25,7 +25,7 @@ TYPING_S = 4.0
 """The same for texts: half a number is no reason to take away what is being typed."""
 
 MOST_STEPS = 1000
-"""A slider over a wider range than this could not be aimed at."""
+"""A slider over a wider range than this, or with ends so different, could not be aimed at."""
 
 Send = Callable[[Any], None]
 """Takes the new value of an input, in SI units."""
@@ -48,9 +48,11 @@ class Group:
         for bound in list(self.inputs):
             bound.settle()
 
-    def forget(self) -> None:
-        """The inputs are gone."""
-        self.inputs.clear()
+    def remove(self, box: viser.GuiFolderHandle | None, *kept: Bound) -> None:
+        """Take the inputs in a box off the page with it; those that are `kept` are elsewhere."""
+        self.inputs[:] = kept
+        if box is not None:
+            viser_hooks.retire(box)
 
 
 class Bound:
@@ -58,7 +60,7 @@ class Bound:
 
     def __init__(self, handle: Any, group: Group, send: Send) -> None:
         self.handle, self._touched = handle, -math.inf
-        self._in_force = handle.value
+        self._in_force, self._group = handle.value, group
         self._patience = TYPING_S if isinstance(handle, viser.GuiTextHandle) else SETTLE_S
         group.inputs.append(self)
 
@@ -81,7 +83,8 @@ class Bound:
 
     def settle(self) -> None:
         """Show what is in force to every browser, whatever it believes."""
-        if self._patience == SETTLE_S or self._is_quiet():
+        settled = self._patience == SETTLE_S or self._is_quiet()
+        if settled and self in self._group.inputs:
             self._write()
             viser_hooks.repeat(self.handle)
 
@@ -206,8 +209,9 @@ class Field:
         """The slider's range in units of the page; None where a slider would be of no use."""
         spec = self.spec
         if spec.soft is None:
-            narrow = spec.lo is not None and spec.hi is not None and hi - lo <= MOST_STEPS
-            return (lo, hi) if narrow else None
+            if lo is None or hi is None or hi - lo > MOST_STEPS or 0.0 < MOST_STEPS * lo < hi:
+                return None
+            return 0.0 - rounded_down(-lo), rounded_down(hi)
         low, high = (rounded(b * self.scale, 3) for b in spec.soft)
         low = low if lo is None else max(low, -rounded_down(-lo))
         return low, high if hi is None else min(high, rounded_down(hi))

@@ -84,6 +84,8 @@ def raw_client(server: viser.ViserServer, **headers: str) -> Iterator[RawClient]
         max_size=None,
         compression=None,
     ) as connection:
+        assert isinstance(connection, ClientConnection)
+        connection.close_timeout = 0.5  # a client that stopped reading does not part properly
         client = RawClient(connection)
         client.send("ViewerCameraMessage", **CAMERA)
         yield client

@@ -11,7 +11,7 @@ from scene_core.filter.records import Event
 from tests.web.traces import MOUNT, accepted, changed, cloister, judged, until
 from web_panels.events import events_html
 from web_panels.inspector import cut, inspector_html
-from web_panels.inspector_maths import gate_bar
+from web_panels.inspector_maths import ROW_CHARACTERS, gate_bar, rows_of_columns
 from web_panels.mathml import formula, matrix, numbers, signed, symbol
 from web_panels.phase_card import card_html
 from web_panels.style import PHASES
@@ -167,3 +167,13 @@ def test_formulas_are_well_formed_and_escaped():
     well_formed(formula(symbol("<b>", True, "v"), matrix([["-1.0", "2"]]), numbers(np.eye(2))))
     assert "&lt;b&gt;" in symbol("<b>")
     assert "−1.0" in matrix([["-1.0"]])
+
+
+@pytest.mark.parametrize("widths", [[5], [7] * 6, [7, 9, 11, 4] * 4, [80, 80], []])
+def test_the_columns_of_a_jacobian_fit_beside_each_other(widths):
+    runs = rows_of_columns(widths)
+    assert [w for run in runs for w in widths[run]] == widths
+    for run in runs:
+        assert sum(w + 2 for w in widths[run]) <= ROW_CHARACTERS or len(widths[run]) == 1
+    sizes = [len(widths[run]) for run in runs]
+    assert not sizes or sizes[0] - sizes[-1] < len(sizes) + 1

@@ -15,7 +15,7 @@ from scene_core.session.published import Failure, Published
 from tests.web.fakes import FakeSession, published
 from tests.web.raw_client import RawClient, raw_client
 from tests.web.test_gate import free_port, wait
-from web_panels import gate
+from web_panels import gate, viser_hooks
 from web_panels.head import head_html
 from web_panels.panel import Page
 from web_panels.view_loop import Turn, ViewLoop
@@ -225,6 +225,65 @@ def test_another_scenario_brings_its_own_sensors_and_inputs(site: Site, start: P
         assert wait(lambda: set(layout.sensors) == set(start.experiment.estimator.mounts))
         time.sleep(0.3)
         assert site.view.page.problems == {}
+
+
+def test_widgets_of_another_scenario_go_when_their_last_news_is_old(
+    site: Site, start: Published, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A browser applies what came since its last picture at once, removals first."""
+    monkeypatch.setattr(viser_hooks, "RETIRED_S", 0.8)
+    hidden: dict[str, float] = {}
+    gone: dict[str, float] = {}
+    with raw_client(site.server) as client:
+        assert wait(lambda: len(site.server.get_clients()) > 0)
+        client.settle()
+        site.session.latest = with_seq(published("nomad"), start.seq + 9100, run=start.run + 9)
+        end = time.monotonic() + 20.0
+        while not hidden.keys() & gone.keys():
+            assert time.monotonic() < end, "nothing was hidden and removed"
+            for m in client.receive():
+                if m["type"] == "GuiRemoveMessage":
+                    gone[m["uuid"]] = time.monotonic()
+                elif m["type"] == "GuiUpdateMessage" and m["updates"].get("visible") is False:
+                    hidden[m["uuid"]] = time.monotonic()
+    assert all(gone[uuid] - hidden[uuid] > 0.6 for uuid in hidden.keys() & gone.keys())
+
+
+def test_the_sensors_panel_always_keeps_a_tab(site: Site, start: Published) -> None:
+    """Without, browsers would give up its place and its width."""
+    assert site.view.layout is not None
+    layout = site.view.layout
+    with raw_client(site.server):
+        assert wait(lambda: len(site.server.get_clients()) > 0)
+        for i, preset in enumerate(("cloister", "two_cameras", "line")):
+            before = {tab._id for _, tab, _ in layout.sensors.values()}
+            other = with_seq(published(preset), start.seq + 9200 + i, run=start.run + 10 + i)
+            site.session.latest = other
+            names = list(other.experiment.estimator.mounts)
+            assert wait(lambda names=names: list(layout.sensors) == names)
+            now = {tab._id: tab._label for _, tab, _ in layout.sensors.values()}
+            assert before & now.keys() and list(now.values()) == names
+
+
+def test_nothing_of_the_run_before_stays_in_sight(site: Site, start: Published) -> None:
+    assert site.view.layout is not None
+    layout = site.view.layout
+    told = layout.panels
+
+    def texts() -> str:
+        handles = [h for panel in told for h in vars(panel).values()]
+        return " ".join(h.content for h in handles if isinstance(h, viser.GuiHtmlHandle))
+
+    with raw_client(site.server):
+        assert wait(lambda: len(site.server.get_clients()) > 0)
+        site.session.latest = with_seq(start, start.seq + 9300, run=start.run + 20)
+        assert wait(lambda: "Blocks of H" in texts() and "partial 0" in texts())
+        told = layout.panels
+        fresh = dataclasses.replace(start, trace=None, series=published("line", 0).series)
+        site.session.latest = with_seq(fresh, start.seq + 9301, run=start.run + 21)
+        assert wait(lambda: "Blocks of H" not in texts() and "partial 0" not in texts())
+        for what in ("No frame yet", "Nothing to inspect yet", "No state yet", "second frame"):
+            assert wait(lambda what=what: what in texts()), what
 
 
 def test_the_head_shows_failures_and_pending_edits_escaped(start: Published) -> None:

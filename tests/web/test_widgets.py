@@ -107,6 +107,27 @@ def test_angles_are_in_degrees(fields: Fields) -> None:
     assert (slider.min, slider.max, slider.value) == (0.0, 90.0, 30.0)
 
 
+@dataclass(frozen=True)
+class Ends:
+    """Limits that are not round, and limits too far from each other."""
+
+    turn: float = param(0.1, unit="rad", lo=0.0, hi=3.2)
+    """Up to 183.346494 degrees."""
+    step: float = param(1.6, unit="m", lo=0.01, hi=1000.0)
+    """A slider would have one value below ten."""
+
+
+def test_sliders_between_limits_end_at_round_numbers(server: viser.ViserServer) -> None:
+    made = {
+        s.name: Field(server.gui, Group(), s, lambda _: None).bound.handle
+        for s in params.schema(Ends())
+    }
+    assert isinstance(made["turn"], viser.GuiSliderHandle)
+    assert (made["turn"].min, made["turn"].max) == (0.0, 183.3)
+    assert isinstance(made["step"], viser.GuiNumberHandle)
+    assert (made["step"].min, made["step"].max) == (0.01, 1000.0)
+
+
 def test_a_sliders_end_is_a_round_number_inside_the_limits() -> None:
     for value in (3.2 * 57.29577951308232, 11.45915, -0.123456, 2.0, 0.0):
         assert value - 1e-3 * abs(value) <= rounded_down(value) <= value
