@@ -16,7 +16,7 @@ from scene_core.filter.records import Trace
 from scene_core.filter.world import Axes, Label, World
 from scene_core.geometry import quaternion
 from scene_core.geometry.correlation import largest_canonical_correlations
-from scene_core.geometry.spaces import ONE_D, THREE_D, TWO_D, Space, embed, embed_points
+from scene_core.geometry.spaces import SPACES, THREE_D, Space, embed, embed_points
 from scene_core.models.base import Sensor
 from scene_core.session.axes import points_from, truth_axes
 from scene_core.session.published import Published
@@ -26,10 +26,9 @@ from web_panels import verdicts
 from web_panels.clouds import Clouds
 from web_panels.style import C
 
-SPACES: dict[int, Space] = {1: ONE_D, 2: TWO_D, 3: THREE_D}
 GROUND_CELLS = 60
 """Of the drawn ground on each side."""
-POSES: dict[int, Space] = {1: ONE_D, 3: TWO_D, 7: THREE_D}
+POSES: dict[int, Space] = {space.n: space for space in SPACES.values()}
 STATES = ("accepted", "nomatch", "rejected", "unselected", "out", "partial")
 PALETTE = np.array([C[s] for s in STATES], dtype=np.float64)
 WEAK, STRONG = np.array(C["out"], dtype=np.float64), np.array([255.0, 170.0, 60.0])

@@ -8,6 +8,8 @@ A point is homogeneous, X = (m, w): the place m / w, at infinity for w = 0.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -349,6 +351,8 @@ def _rigid(R: Mat, t: Vec) -> Mat:
 ONE_D = OneD()
 TWO_D = TwoD()
 THREE_D = ThreeD()
+SPACES: Mapping[int, Space] = MappingProxyType({s.d: s for s in (ONE_D, TWO_D, THREE_D)})
+"""By how many coordinates a point has."""
 
 # fmt: off
 _AXES: dict[tuple[str, str], Mat] = {

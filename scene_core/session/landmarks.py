@@ -7,7 +7,7 @@ import numpy as np
 from scene_core.arrays import Vec
 from scene_core.filter.ports import Truth
 from scene_core.filter.world import World
-from scene_core.geometry.spaces import ONE_D, THREE_D, TWO_D, flatten
+from scene_core.geometry.spaces import SPACES, flatten
 from scene_core.session.axes import truth_axes
 
 
@@ -45,6 +45,6 @@ def _seen(world: World, points: Vec) -> Vec | None:
         return points
     if not np.isfinite(pose).all():
         return None
-    space = next(s for s in (ONE_D, TWO_D, THREE_D) if s.d == points.shape[1])
+    space = SPACES[points.shape[1]]
     X = np.concatenate([points, np.ones((len(points), 1))], axis=1)
     return space.to_local(flatten(pose, space, world.up)[0], X).X[:, :-1]

@@ -10,13 +10,11 @@ from scene_core.arrays import frozen
 from scene_core.filter.groups import groups
 from scene_core.filter.observe import observe, sensor_state
 from scene_core.filter.world import Feature, World
-from scene_core.geometry.spaces import ONE_D, THREE_D, TWO_D, Space
+from scene_core.geometry.spaces import SPACES, Space
 from scene_core.models.base import FeatureModel
 from scene_core.models.registry import models
 from scene_core.params import ParamError
 from scene_core.session.config import EstimatorSettings, MarkerSettings
-
-SPACES = {space.d: space for space in (ONE_D, TWO_D, THREE_D)}
 
 
 def plain_point(space: Space) -> FeatureModel:

@@ -10,14 +10,13 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from scene_core.arrays import Mat, Vec, frozen
-from scene_core.geometry.spaces import ONE_D, THREE_D, TWO_D, Space
+from scene_core.geometry.spaces import SPACES, Space
 from scene_core.params import ParamError, param
 from scene_core.sources.toml_text import parsed
 from scene_core.sources.worlds import KnownPoint, SimulatedWorld
 from scene_core.text_file import text_of
 
 KEYS = ("points", "ids", "segments", "known", "sd")
-SPACES: Mapping[int, Space] = {space.d: space for space in (ONE_D, TWO_D, THREE_D)}
 FARTHEST = 1e5
 """m: no coordinate is larger."""
 MOST = 20000
