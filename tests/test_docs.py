@@ -44,12 +44,17 @@ def test_the_readme_names_every_preset_and_key() -> None:
     assert [key for key in report(session, 1.0) if f"`{key}`" not in README] == []
 
 
-def test_the_page_about_ones_own_models_quotes_the_examples() -> None:
+def test_the_page_about_ones_own_models_quotes_every_line_of_the_examples() -> None:
     page = (ROOT / "docs" / "own_model.md").read_text(encoding="utf-8")
-    files = [f.read_text(encoding="utf-8") for f in sorted((ROOT / "examples").glob("my_*.py"))]
-    quotes = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
-    assert len(quotes) > 10
-    assert [q for q in quotes if not any(q in text for text in files)] == []
+    quotes = "".join(re.findall(r"```python\n(.*?)```", page, re.DOTALL))
+    quoted = [line for line in quotes.splitlines() if line]
+    for name in ("my_motion", "my_sensor", "my_landmark"):
+        text = (ROOT / "examples" / f"{name}.py").read_text(encoding="utf-8")
+        code = [line for line in text.split('"""', 2)[2].splitlines() if line]
+        assert len(text.splitlines()) < 40 and len(code) > 20
+        assert quoted[: len(code)] == code, name
+        quoted = quoted[len(code) :]
+    assert quoted == []
 
 
 def test_the_table_of_models_is_complete() -> None:
