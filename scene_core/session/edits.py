@@ -10,6 +10,7 @@ from scene_core import params
 from scene_core.params import ParamError
 from scene_core.session.commands import Redo, ResetParams, SetParam, SetParams, SwapModel, Undo
 from scene_core.session.config import Experiment
+from scene_core.session.roles import swapped
 
 Edit = SetParam | SetParams | SwapModel | Undo | Redo | ResetParams
 UNDO_STEPS = 100
@@ -66,6 +67,29 @@ def values_of(command: Edit) -> Mapping[str, Any]:
             return dict(values)
         case _:
             return {}
+
+
+def edited(
+    before: Settings, base: Experiment, command: Edit, same_gesture: bool
+) -> tuple[Settings, str]:
+    """The settings a command leads to, and a sentence about it; `base` is the scenario's own
+    experiment. An edit of the same parameters in one gesture is no step of its own for undo."""
+    match command:
+        case SetParam() | SetParams():
+            values = values_of(command)
+            after, paths = set_params(before.experiment, values), " ".join(values)
+            return before.edited(after, paths, same_gesture and before.path == paths), ""
+        case SwapModel(role, name):
+            after, note = swapped(before.experiment, base, role, name)
+            return before.edited(after), note
+        case Undo():
+            return before.undone(), "last edit undone"
+        case Redo():
+            return before.redone(), "edit done again"
+        case ResetParams():
+            now = before.experiment
+            after = replace(base, seed=now.seed, frames=now.frames)
+            return before.edited(after), "all parameters as the scenario has them"
 
 
 def until_reset(edited: Experiment, started: Experiment) -> Experiment:

@@ -89,7 +89,7 @@ def test_nis_is_the_mean_d2_of_what_was_gated(cloister: Session) -> None:
     d2 = [
         a.d2
         for frame in range(25)
-        for a in cloister._history.whole(frame)[1].associations()  # type: ignore[index]
+        for a in cloister._live.past.history.whole(frame)[1].associations()  # type: ignore[index]
         if a.verdict in ("accepted", "rejected")
     ]
     figures = report(cloister, 1.0)

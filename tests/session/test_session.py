@@ -171,6 +171,11 @@ def test_a_clicked_feature_is_part_of_the_log() -> None:
         session.apply(click)
 
 
+def test_a_click_before_the_first_frame_is_refused() -> None:
+    with pytest.raises(ParamError, match="no frame yet to point into: step to the first one"):
+        run(frames=0).apply(InitialiseAt("scanner", (1.0, 0.0), -1))
+
+
 def test_a_click_in_a_half_stepped_frame_is_done_when_it_is_complete() -> None:
     session = Session(presets.build("line"))
     session.apply(SetParam("estimator.policies.management.keep_visible", 0))
@@ -304,19 +309,12 @@ def test_an_exception_in_a_frame_leaves_the_last_good_one() -> None:
             raise ZeroDivisionError("on purpose")
 
     broken = params.put(session.experiment, "estimator.robots.nomad.motion", Broken(**vars(motion)))
-    session._edits[3] = []
-    original = session.settings
-    session._at = dataclasses.replace(session._at, settings=original.edited(broken))
-    session._at = dataclasses.replace(
-        session._at,
-        world=dataclasses.replace(
-            session.world,
-            robots={
-                "nomad": dataclasses.replace(
-                    session.world.robots["nomad"], motion=Broken(**vars(motion))
-                )
-            },
-        ),
+    live = session._live
+    robot = dataclasses.replace(session.world.robots["nomad"], motion=Broken(**vars(motion)))
+    live._at = dataclasses.replace(
+        live._at,
+        settings=session.settings.edited(broken),
+        world=dataclasses.replace(session.world, robots={"nomad": robot}),
     )
     with pytest.raises(ZeroDivisionError):
         session.advance()
@@ -325,7 +323,7 @@ def test_an_exception_in_a_frame_leaves_the_last_good_one() -> None:
 
 def test_the_kept_past_is_bounded() -> None:
     session = run("cloister", frames=60, history_bytes=2_000_000)
-    assert session._history.bytes < 2_500_000
+    assert session._live.past.history.bytes < 2_500_000
     assert session.first_frame == 0 and session.last_frame == 59
     session.seek(17)
     assert session.frame == 17 and len(session.metrics) == 18
