@@ -1,4 +1,5 @@
 """Whether a value from outside fits a parameter: its type, its range, and why it does not."""
+
 from __future__ import annotations
 
 import sys
