@@ -7,6 +7,8 @@ import json
 import logging
 import math
 import time
+from collections import defaultdict, deque
+from functools import partial
 
 import numpy as np
 import viser
@@ -23,6 +25,10 @@ FOV = math.radians(43.0)
 NARROWEST = 0.4
 """No view backs away farther than for a canvas of this aspect."""
 ORBIT_RATE = math.radians(12.0)
+CLOSE, FAR = 1.06, 1.45
+"""Of how far away all of the map is just in sight. One stands close to a simulated place, whose
+walls say where one is, and farther from a cloud of points."""
+_last_places = partial(deque[Vec], maxlen=6)
 
 
 def directions(up: str) -> dict[str, Vec]:
@@ -48,9 +54,7 @@ class Cameras:
         self.run_name = ""
         self.bounds: Bounds | None = None
         self.up = "z"
-        self.distance = 2.25
-        """Of a camera from the middle, in radii of the map. One stands close to a simulated place,
-        whose walls say where one is, and farther from a cloud of points."""
+        self.margin = CLOSE
         self.modes: dict[int, View] = {}
         self.in_the_way: tuple[str, ...] = ()
         """Nodes hidden from who looks through the sensor's eye: the frusta with their images."""
@@ -60,6 +64,10 @@ class Cameras:
         self._asked: dict[int, View] = {}
         self._aspects: dict[int, float] = {}
         """Width over height of the canvas each browser's view was last fitted to."""
+        self._starts = _last_places()
+        self._fits: dict[int, deque[Vec]] = defaultdict(_last_places)
+        """Where browsers were put to see all of the map, at first and by their numbers; a late
+        report may tell of any of them."""
         self._resized: set[int] = set()
         self._last: Vec | None = None
         self._when = time.monotonic()
@@ -80,49 +88,58 @@ class Cameras:
         is another."""
         changed = (name, up) != (self.run_name, self.up)
         self.run_name, self.bounds, self.up, self._last = name, bounds, up, None
-        position, target = self._standing("perspective", bounds)
+        if changed:
+            self._starts.clear()
+            self._fits.clear()
+        self._start_at(bounds)
         start = self.server.initial_camera
-        start.position, start.look_at, start.fov = position, target, FOV
-        start.up = self._up()
+        start.fov, start.up = FOV, self._up()
         if changed:
             self.modes.clear()
             for client in self.server.get_clients().values():
                 self._hide(client, False)
-                self._set(client, *self._standing("perspective", bounds, self._fitted(client)))
+                self._fit(client, bounds)
+
+    def _start_at(self, bounds: Bounds) -> None:
+        position, target = self._standing("perspective", bounds)
+        self.server.initial_camera.position = position
+        self.server.initial_camera.look_at = target
+        self._starts.append(position)
 
     def refit(self, bounds: Bounds) -> None:
         """The map has outgrown its bounds: new browsers see all of it, and those that never moved
         their camera."""
-        assert self.bounds is not None
-        before, self.bounds = self.bounds, bounds
-        position, target = self._standing("perspective", bounds)
-        self.server.initial_camera.position = position
-        self.server.initial_camera.look_at = target
+        self.bounds = bounds
+        self._start_at(bounds)
         for client in self.server.get_clients().values():
-            self._refit(client, before, bounds)
+            self._refit(client, bounds)
 
-    def _refit(self, client: viser.ClientHandle, before: Bounds, bounds: Bounds) -> None:
+    def _refit(self, client: viser.ClientHandle, bounds: Bounds) -> None:
         """Fit a view that was never moved to other bounds or to a canvas of another shape."""
-        camera, view = client.camera, "perspective"
-        for aspect in (self._aspects.get(client.client_id, 1.0), aspect_of(camera)):
-            was, _ = self._standing(view, before, aspect)
-            if np.linalg.norm(camera.position - was) < 1e-3 * bounds.radius:
-                self._set(client, *self._standing(view, bounds, self._fitted(client)))
-                return
+        if self._is_fitted(client, bounds):
+            self._fit(client, bounds)
 
-    def _fitted(self, client: viser.ClientHandle) -> float:
-        """The aspect of a browser's canvas, remembered as the one its view is fitted to."""
+    def _is_fitted(self, client: viser.ClientHandle, bounds: Bounds) -> bool:
+        """Whether a browser's camera is where it was put to see all of the map."""
+        at = client.camera.position
+        known = [*self._starts, *self._fits[client.client_id]]
+        return any(np.linalg.norm(at - was) < 1e-3 * bounds.radius for was in known)
+
+    def _fit(self, client: viser.ClientHandle, bounds: Bounds) -> None:
+        """Show a browser all of the map, in a canvas of the shape that it told last."""
         aspect = self._aspects[client.client_id] = aspect_of(client.camera)
-        return aspect
+        position, target = self._standing("perspective", bounds, aspect)
+        self._fits[client.client_id].append(position)
+        self._set(client, position, target)
 
     def _up(self) -> Vec:
         return np.array([0.0, 1.0, 0.0] if self.up == "y" else [0.0, 0.0, 1.0])
 
     def _standing(self, view: str, bounds: Bounds, aspect: float = 1.0) -> tuple[Vec, Vec]:
-        """Where to stand and look at. The field of view is a vertical one: in front of a canvas
-        higher than wide, of aspect < 1, one stands 1/aspect times as far away."""
+        """Where to stand and look at, to see all of the map in a canvas of this aspect."""
         d = directions(self.up)[view]
-        away = self.distance * max(1.0, 1.0 / aspect) * bounds.radius / float(np.linalg.norm(d))
+        d = d / np.linalg.norm(d)
+        away = max(self.margin * all_in_sight(bounds, d, self._up(), aspect), bounds.radius)
         return bounds.centre + away * d, bounds.centre
 
     def _set(self, client: viser.ClientHandle, position: Vec, target: Vec) -> None:
@@ -153,7 +170,7 @@ class Cameras:
         while self._resized:
             client = clients.get(self._resized.pop())
             if client is not None and self.bounds is not None:
-                self._refit(client, self.bounds, self.bounds)
+                self._refit(client, self.bounds)
         step = np.zeros(3) if self._last is None else robot - self._last
         self._last = robot.copy()
         for client_id, view in list(self.modes.items()):
@@ -165,7 +182,7 @@ class Cameras:
         self._hide(client, view == "eye")
         client.camera.fov = self.eye_fov if view == "eye" else FOV
         if view in ("perspective", "top", "side"):
-            self._set(client, *self._standing(view, bounds, self._fitted(client)))
+            self._set(client, *self._standing(view, bounds, aspect_of(client.camera)))
             return
         self.modes[client.client_id] = view
         if view == "follow":
@@ -218,6 +235,9 @@ class Cameras:
 
     def _save(self, client: viser.ClientHandle) -> None:
         del self._saving[client.client_id]
+        if self.bounds is not None and self._is_fitted(client, self.bounds):
+            client.local_storage.set_item("scene-camera", "null")
+            return
         kept = {
             "run": self.run_name,
             "position": [round(float(v), 4) for v in client.camera.position],
@@ -226,11 +246,26 @@ class Cameras:
         client.local_storage.set_item("scene-camera", json.dumps(kept))
 
     async def _gone(self, client: viser.ClientHandle) -> None:
-        for book in (self.modes, self._asked, self._hidden, self._aspects):
+        for book in (self.modes, self._asked, self._hidden, self._aspects, self._fits):
             book.pop(client.client_id, None)
         timer = self._saving.pop(client.client_id, None)
         if timer is not None:
             timer.cancel()
+
+
+def all_in_sight(bounds: Bounds, d: Vec, up: Vec, aspect: float) -> float:
+    """How far from the middle, in the direction d (3,), all corners of a box are in the picture.
+
+    A corner that is x beside, y above and s beyond the middle is in it from a distance t if
+    |y| <= (t + s) tan(FOV/2) and |x| <= (t + s) aspect tan(FOV/2).
+    """
+    right = np.cross(up, d)
+    right /= np.linalg.norm(right)
+    corners = np.stack(np.meshgrid(*np.stack([bounds.lo, bounds.hi], 1), indexing="ij"), -1)
+    away = corners.reshape(-1, 3) - bounds.centre
+    tangent = math.tan(0.5 * FOV)
+    x, y, s = away @ right, away @ np.cross(d, right), -away @ d
+    return float(np.max([np.abs(y) / tangent - s, np.abs(x) / (aspect * tangent) - s]))
 
 
 def aspect_of(camera: viser.CameraHandle) -> float:

@@ -12,7 +12,7 @@ from scene_core.session.commands import Select
 from scene_core.session.published import Published
 from scene_core.session.start import initial_world
 from web_panels import map_geometry as geo
-from web_panels.cameras import Cameras
+from web_panels.cameras import CLOSE, FAR, Cameras
 from web_panels.clouds import Cloud, Clouds
 from web_panels.instances import Instances
 from web_panels.map_layers import Lines, Particles, Rays, Selected, Sightings
@@ -63,7 +63,7 @@ class MapPanel:
         self.flags = Flags(scene, size)
         self.floor = Floor(scene, p, world.up, bounds, self.post)
         self.selected = Selected(scene)
-        self.cameras.distance = 2.25 if self.simulated else 3.0
+        self.cameras.margin = CLOSE if self.simulated else FAR
         self.axes = geo.axes_key(p)
         self.cameras.place(geo.view_name(p), bounds, world.up)
         self.images_due = self.slow_due = self.correlation_due = 0.0

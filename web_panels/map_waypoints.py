@@ -22,8 +22,17 @@ from web_panels.waypoints import (
     with_points,
 )
 
+SPACING = 0.25
+"""Height of a flag at most, in distances between waypoints: an arm's are closer than a car's."""
 FLAG = np.array([[0.0, 0.0], [0.0, 1.0], [0.0, 1.0], [0.42, 0.86], [0.42, 0.86], [0.0, 0.72]])
 """A pole and a pennant: pairs of points, sideways and up."""
+
+
+def flag_height(feet: Vec, most: float) -> float:
+    """How high flags at places (N, 3) are: at most so high, less where they would crowd."""
+    way = np.linalg.norm(np.diff(feet[np.isfinite(feet).all(axis=1)], axis=0), axis=1)
+    apart = way[way > 1e-3 * most]
+    return min(most, SPACING * float(apart.min())) if len(apart) else most
 
 
 class Flags:
@@ -58,11 +67,13 @@ class Flags:
             space = space_of(p, robot)
             truth = None if p.trace is None else p.trace.frame.truth
             goal = None if truth is None else truth.goals.get(robot)
-            for i, foot in enumerate(on_map(points, space, world.up)):
+            feet = on_map(points, space, world.up)
+            height = flag_height(feet, self.height)
+            for i, foot in enumerate(feet):
                 if not np.isfinite(foot).all():
                     continue
                 here = goal is not None and np.allclose(goal, points[i])
-                size = self.height * (1.5 if here else 1.0)
+                size = height * (1.5 if here else 1.0)
                 flag = foot + size * (FLAG[:, :1] * side + FLAG[:, 1:] * up)
                 (goals if here else flags).append(flag.reshape(3, 2, 3))
                 texts[f"{robot}:{i}"] = (str(i + 1), foot + size * up)

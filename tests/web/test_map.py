@@ -24,15 +24,17 @@ from scene_core.session.session import Session
 from scene_core.sources.simulated import Simulation
 from scene_core.sources.worlds import in_axes
 from tests.web.fakes import published
-from tests.web.test_gate import free_port
+from tests.web.raw_client import CAMERA, RawClient, raw_client
+from tests.web.test_gate import free_port, wait
 from web_panels import gate, map_geometry, verdicts
-from web_panels.cameras import Cameras, read_camera
+from web_panels.cameras import FOV, Cameras, read_camera
 from web_panels.clouds import Cloud, Clouds, within_ray
 from web_panels.instances import Instances
 from web_panels.map_layers import Sightings
 from web_panels.map_legend import legend_html, legend_of
 from web_panels.map_panel import followed
 from web_panels.map_robots import Robots
+from web_panels.map_waypoints import flag_height
 from web_panels.panel import Look
 from web_panels.style import HEX, C, linear, robot_colour
 
@@ -250,16 +252,65 @@ def test_a_kept_camera_is_read() -> None:
     assert kept[0].tolist() == [0, 1, 2] and kept[1].tolist() == [3, 4, 5]
 
 
-def test_the_perspective_shows_as_much_at_the_sides_as_above(server: viser.ViserServer) -> None:
-    """distance min(1, aspect) is that of a square canvas, which a wide one keeps."""
+@pytest.mark.parametrize("up", ["y", "z"])
+@pytest.mark.parametrize("aspect", [0.5, 0.73, 1.0, 1.6])
+def test_every_view_shows_all_of_the_map_and_hardly_more(
+    server: viser.ViserServer, up: str, aspect: float
+) -> None:
     cameras = Cameras(server)
-    bounds = map_geometry.Bounds(np.array([-1.0, -2.0, 0.0]), np.array([3.0, 2.0, 1.0]))
+    cameras.up = up
+    axis = np.eye(3)["xyz".index(up)]
+    lo, hi = np.array([-1.0, -2.0, 0.0]), np.array([3.0, 2.0, 1.0])
+    corners = np.array(np.meshgrid(*np.stack([lo, hi], 1))).reshape(3, -1).T
     for view in ("perspective", "top", "side"):
-        square, target = cameras._standing(view, bounds, 1.0)
-        np.testing.assert_array_equal(target, bounds.centre)
-        for aspect in (0.5, 0.73, 1.6):
-            at, _ = cameras._standing(view, bounds, aspect)
-            np.testing.assert_allclose((at - target) * min(1.0, aspect), square - target)
+        at, target = cameras._standing(view, map_geometry.Bounds(lo, hi), aspect)
+        np.testing.assert_array_equal(target, 0.5 * (lo + hi))
+        ahead = (target - at) / np.linalg.norm(target - at)
+        right = np.cross(ahead, axis) / np.linalg.norm(np.cross(ahead, axis))
+        away = corners - at
+        depth = away @ ahead
+        x, y = away @ right / depth, away @ np.cross(right, ahead) / depth
+        half = math.tan(0.5 * FOV)
+        most = max(np.abs(x).max() / (aspect * half), np.abs(y).max() / half)
+        assert (depth > 0).all() and 0.8 < most < 1.0
+
+
+def stand(server: viser.ViserServer, client: RawClient, at: np.ndarray, width: int) -> None:
+    """The browser reports its camera and its canvas."""
+    (handle,) = server.get_clients().values()
+    place = tuple(float(v) for v in at)
+    client.send("ViewerCameraMessage", **{**CAMERA, "position": place, "image_width": width})
+    assert wait(lambda: handle.camera.image_width == width)
+    assert np.allclose(handle.camera.position, at)
+
+
+def test_a_view_that_was_never_moved_grows_with_the_map_although_reports_come_late(
+    server: viser.ViserServer,
+) -> None:
+    cameras = Cameras(server)
+    lo, hi = np.array([-1.0, -2.0, 0.0]), np.array([3.0, 2.0, 1.0])
+    bounds = [map_geometry.Bounds(k * lo, k * hi) for k in (1.0, 2.0, 3.0, 4.0)]
+    with raw_client(server) as client:
+        assert wait(lambda: len(server.get_clients()) == 1)
+        (handle,) = server.get_clients().values()
+        cameras.place("a run", bounds[0], "z")
+        first = handle.camera.position.copy()
+        cameras.refit(bounds[1])
+        stand(server, client, first, 640)  # sent before the browser heard of the second place
+        cameras.refit(bounds[2])
+        wanted, _ = cameras._standing("perspective", bounds[2], 640 / 600)
+        assert np.allclose(handle.camera.position, wanted)
+        by_hand = wanted + np.array([0.5, 0.0, 0.0])
+        stand(server, client, by_hand, 641)
+        cameras.refit(bounds[3])
+        assert np.allclose(handle.camera.position, by_hand)
+
+
+def test_flags_are_smaller_than_the_way_between_them() -> None:
+    line = np.array([[0.0, 0, 0], [0.4, 0, 0], [0.4, 0, 0], [np.nan] * 3, [4.0, 0, 0]])
+    assert flag_height(line, 0.3) == pytest.approx(0.1)
+    assert flag_height(10 * line, 0.3) == 0.3
+    assert flag_height(line[:1], 0.3) == flag_height(line[:0], 0.3) == 0.3
 
 
 def test_the_legend_states_confidence_and_dimension() -> None:
