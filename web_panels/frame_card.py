@@ -9,8 +9,8 @@ import numpy as np
 import viser
 
 from scene_core.filter.records import Trace
-from scene_core.session.metrics import pose_estimate
 from scene_core.session.published import Published, RobotSeries
+from scene_core.session.tracks import pose_estimate
 from web_panels import style
 from web_panels.map_geometry import last_known
 from web_panels.panel import Page, Post

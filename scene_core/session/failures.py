@@ -12,6 +12,7 @@ from scene_core.filter.gaussian import FilterError
 from scene_core.filter.ports import SourceError
 from scene_core.models.guard import ModelError
 from scene_core.params import ParamError
+from scene_core.session.published import Failure
 
 PACKAGE = str(Path(scene_core.__file__).parent)
 
@@ -33,6 +34,15 @@ def explain(error: BaseException) -> tuple[str, str]:
         return "there is not enough memory; lower 'Map size, max' and reset", ""
     text = f"{type(error).__name__}: {error}"
     return f"{text}; undo the last edit and redo the frame, or reset", ""
+
+
+def failure(error: Exception, frame: int | None) -> Failure:
+    """What the page shows about a frame, or a command (None), that could not be carried out."""
+    text, details = explain(error)
+    where = "Nothing was changed, the run is paused"
+    if frame is not None:
+        where = f"Frame {frame} was dropped, the run is paused at the last good one"
+    return Failure(f"{where}: {text}.", details)
 
 
 def user_file(error: BaseException) -> str:

@@ -11,8 +11,10 @@ import numpy as np
 from scene_core.arrays import Vec
 from scene_core.geometry.ellipses import chi2_band
 from scene_core.session.alignment import aligned_poses, umeyama
-from scene_core.session.metrics import COUNTS, PHASES, Metrics, RobotTrack, pose_error
+from scene_core.session.counting import COUNTS
+from scene_core.session.metrics import PHASES, Metrics
 from scene_core.session.session import Session
+from scene_core.session.tracks import RobotTrack, pose_error
 
 
 def report(session: Session, seconds: float, first: int = 0) -> dict[str, Any]:

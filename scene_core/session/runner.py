@@ -35,15 +35,14 @@ from scene_core.session.commands import (
     SetSpeed,
     Transport,
 )
-from scene_core.session.failures import explain
+from scene_core.session.failures import failure
+from scene_core.session.pace import Pace
 from scene_core.session.published import Busy, Failure, Published, RoleOptions
 from scene_core.session.roles import role_options
 from scene_core.session.session import Session
 
 PUBLISH_HZ = 60.0
 LEAST_SPEED = 1e-3
-LATE_S = 0.25
-"""A run that is later than this gives up catching up: the real-time factor says so."""
 PATIENCE_S = 2.0
 """A call of a user's model that takes longer is named, and may be abandoned."""
 WATCH_S = 0.1
@@ -292,38 +291,3 @@ class Nothing:
 
 
 NOTHING = Nothing()
-
-
-class Pace:
-    """When the next frame is due, and how fast frames really come."""
-
-    def __init__(self) -> None:
-        self._due = monotonic()
-        self._done: list[tuple[float, float]] = []
-        """Wall time and seconds of data of the latest frames."""
-
-    def wait(self, speed: float) -> float:
-        """Seconds until the next frame is due."""
-        return self._due - monotonic() if math.isfinite(speed) else 0.0
-
-    def frame_done(self, rate: float, speed: float) -> None:
-        now = monotonic()
-        self._done = [*self._done[-59:], (now, 1.0 / rate)]
-        self._due = max(self._due + 1.0 / (rate * speed), now - LATE_S)
-
-    @property
-    def factor(self) -> float:
-        """Seconds of data per second of wall time, over the latest frames."""
-        if len(self._done) < 2:
-            return 0.0
-        elapsed = self._done[-1][0] - self._done[0][0]
-        return sum(dt for _, dt in self._done[1:]) / elapsed if elapsed > 0 else 0.0
-
-
-def failure(error: Exception, frame: int | None) -> Failure:
-    """What the page shows about a frame, or a command (None), that could not be carried out."""
-    text, details = explain(error)
-    where = "Nothing was changed, the run is paused"
-    if frame is not None:
-        where = f"Frame {frame} was dropped, the run is paused at the last good one"
-    return Failure(f"{where}: {text}.", details)

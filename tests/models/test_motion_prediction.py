@@ -30,8 +30,8 @@ from scene_core.session.config import (
     MountSettings,
     RobotSettings,
 )
-from scene_core.session.metrics import pose_error
 from scene_core.session.session import Session
+from scene_core.session.tracks import pose_error
 from scene_core.sources.drivers import ConstantControls, Waypoints
 from scene_core.sources.simulated import Simulation
 from scene_core.sources.truth import TrueInstrument, TrueMount, TrueRobot

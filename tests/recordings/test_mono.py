@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from scene_core.filter.records import Trace
-from scene_core.session.metrics import pose_error, pose_estimate
 from scene_core.session.presets import images
 from scene_core.session.session import Session
+from scene_core.session.tracks import pose_error, pose_estimate
 
 HERE = Path(__file__).resolve().parent
 

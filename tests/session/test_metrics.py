@@ -16,10 +16,11 @@ from scene_core.filter.records import Association, PhaseRecord, Trace
 from scene_core.geometry.spaces import THREE_D, TWO_D
 from scene_core.session import presets
 from scene_core.session.alignment import aligned_poses, umeyama
+from scene_core.session.counting import COUNTS, count
 from scene_core.session.edits import with_seed
-from scene_core.session.metrics import COUNTS, count, pose_estimate
 from scene_core.session.report import report
 from scene_core.session.session import Session
+from scene_core.session.tracks import pose_estimate
 
 KEYS = [
     *("preset", "seed", "frames", "fps_mean", "ms_per_phase", "landmarks", "initialised"),
