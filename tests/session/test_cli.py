@@ -12,7 +12,8 @@ import pytest
 
 from scene_core.params import ParamError
 from scene_core.session import cli, presets, toml_io
-from scene_core.session.cli import SourceOptions, experiment_from, main, parsed
+from scene_core.session.cli import main
+from scene_core.session.cli_source import SourceOptions, experiment_from, parsed
 from scene_core.session.report import report, summary
 from scene_core.session.session import Session
 
