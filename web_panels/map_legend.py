@@ -19,7 +19,9 @@ VERDICTS: Items = (
     ("dot", "unselected", "not selected"),
     ("dot", "out", "out of view"),
 )
-NEW: Items = (("ray", "partial", "new; ray: depth open"),)
+NEW: Items = (("dot", "partial", "new"),)
+NEW_AND_RAYS: Items = (("ray", "partial", "new; ray: depth open"),)
+SELECTED: Items = (("ring", "white", "selected"),)
 DEPTHS = {"lambda": "depth", "rho": "depth"}
 """What particles along a ray are labelled, in the word of the legend."""
 
@@ -42,14 +44,20 @@ def legend_of(p: Published, look: Look) -> str:
     """The legend of what an experiment shows on the map."""
     landmark = p.experiment.estimator.policies.landmark
     robots = tuple(p.experiment.estimator.robots)
-    return legend_html(look, landmark.space.d, robots, landmark.free_labels)
+    return legend_html(
+        look, landmark.space.d, robots, landmark.free_labels, rays=bool(landmark.unmeasured)
+    )
 
 
 def legend_html(
-    look: Look, d: int, robots: Sequence[str] = (), free_labels: Sequence[str] = ()
+    look: Look,
+    d: int,
+    robots: Sequence[str] = (),
+    free_labels: Sequence[str] = (),
+    rays: bool = True,
 ) -> str:
     """The legend of the map, and the script that puts it there; of several robots each has its
-    colour, and particles carry the `free_labels` of partial landmarks."""
+    colour, particles carry the `free_labels` of partial landmarks, others may begin as `rays`."""
     lines: Items = (("line", "truth", "truth"), ("line", "estimate", "estimate"))
     if len(robots) > 1:
         each = ((style.robot_key(i), style.escape(name)) for i, name in enumerate(robots))
@@ -63,10 +71,10 @@ def legend_html(
     elif free_labels:
         free = dict.fromkeys(DEPTHS.get(label, label) for label in free_labels)
         words = f"grains: {style.escape(' and '.join(free))} open, coloured by verdict"
-        new: Items = NEW if "depth" in free else (("dot", "partial", "new"),)
-        items = (*lines, *VERDICTS, *new, ("grains", "ink", words))
+        new = NEW_AND_RAYS if "depth" in free else NEW
+        items = (*lines, *VERDICTS, *new, ("grains", "ink", words), *SELECTED)
     else:
-        items = (*lines, *VERDICTS, *NEW)
+        items = (*lines, *VERDICTS, *(NEW_AND_RAYS if rays else NEW), *SELECTED)
     inner = (
         '<div class="e" style="text-align:center"><div class="maplegend">'
         f'{legend(items)}<span class="lg">ellipsoids {confidence_words(look, d)}</span></div></div>'

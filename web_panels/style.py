@@ -155,6 +155,7 @@ SWATCHES: Mapping[str, str] = {
     "small": '<circle cx="9" cy="7" r="2.2" fill="{c}"/>',
     "grains": '<circle cx="4" cy="10" r="1.6" fill="{c}"/><circle cx="9" cy="7" r="2.6" '
     'fill="{c}"/><circle cx="14.5" cy="4" r="1.9" fill="{c}"/>',
+    "ring": '<circle cx="9" cy="7" r="5" fill="none" stroke="{c}" stroke-width="1.5"/>',
     "line": '<path d="M1 7H17" stroke="{c}" stroke-width="2.5"/>',
     "cross": '<path d="M9 2V12M4 7H14" stroke="{c}" stroke-width="2"/>',
     "ray": '<path d="M2 12L16 3" stroke="{c}" stroke-width="1.5"/><circle cx="11" cy="6.2" r="3" '

@@ -12,7 +12,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from scene_core.geometry import quaternion
-from scene_core.session.commands import Select, SetSpeed, Transport
+from scene_core.session.commands import LoadPreset, Select, SetSpeed, Transport
 from scene_core.session.presets import build
 from scene_core.session.published import Published
 from scene_core.session.runner import Runner
@@ -95,6 +95,54 @@ def test_play_and_pause(site: Site, shown: Page) -> None:
     assert wait(lambda: site.latest.mode == "paused")
     stopped = frame(site)
     expect(shown.get_by_text(f"{stopped} of 400")).to_be_visible(timeout=15_000)
+
+
+def test_keys_are_the_runs_after_a_click_on_a_control(site: Site, shown: Page) -> None:
+    """Not those of what was clicked: Space would open a list again, or undo a tick."""
+    shown.wait_for_function("!!window.sceneFocus")
+
+    def plays_and_pauses() -> None:
+        shown.wait_for_timeout(300)
+        for mode in ("playing", "paused"):
+            shown.keyboard.press("Space")
+            assert wait(lambda mode=mode: site.latest.mode == mode)
+
+    for tab in ("View", "Run"):
+        shown.get_by_role("tab", name=tab, exact=True).click()
+        plays_and_pauses()
+    speed = shown.get_by_role("textbox", name="Speed").or_(
+        shown.get_by_role("combobox", name="Speed")
+    )
+    speed.first.click()
+    shown.get_by_role("option", name="0.5 ×", exact=True).click()
+    assert wait(lambda: site.latest.speed == 0.5)
+    plays_and_pauses()
+    shown.get_by_role("tab", name="View", exact=True).click()
+    truth = site.view.page.look.truth
+    shown.get_by_role("checkbox", name="Truth").first.click()
+    assert wait(lambda: site.view.page.look.truth != truth)
+    plays_and_pauses()
+    assert site.view.page.look.truth != truth
+
+
+def test_another_scenario_keeps_the_panels_where_they_are(site: Site, shown: Page) -> None:
+    """Its sensor has another kind of picture; `page` fails on complaints in the console."""
+    picture = shown.locator('img[src^="blob:"]').first
+    expect(picture).to_be_visible(timeout=15_000)
+    before = picture.bounding_box()
+    run = site.latest.run
+    site.runner.post(LoadPreset("nomad"))
+    assert wait(lambda: site.latest.run != run)
+    expect(shown.get_by_role("tab", name="scanner")).to_be_visible(timeout=15_000)
+    site.runner.post(Transport("step frame"))
+    expect(shown.get_by_text("range-bearing").or_(shown.get_by_text("b ±")).first).to_be_visible(
+        timeout=15_000
+    )
+    shown.wait_for_timeout(1000)
+    after = shown.locator('img[src^="blob:"]').filter(visible=True).first.bounding_box()
+    assert before is not None and after is not None
+    assert (after["x"], after["y"]) == (before["x"], before["y"])
+    assert after["width"] == pytest.approx(before["width"], abs=2.0)
 
 
 def test_step_by_phase_by_frame_back_and_redo(site: Site, shown: Page) -> None:
