@@ -36,12 +36,7 @@ def fitted(old: Sensor, new: Sensor) -> tuple[Sensor, float]:
             f"{', '.join(new.labels)}, not {', '.join(old.labels)}"
         )
     new = with_same_fields(old, new)
-    z = _grid(old)
-    n = np.zeros((len(z), len(old.unmeasured)))
-    X = old.backproject(z, n, old.calib0).X
-    # Outside the circle that a wide lens shows no ray belongs to a pixel.
-    shown = np.abs(old.project(X, old.calib0).h - z).max(axis=1) < 1e-3
-    z, X = z[shown], X[shown]
+    z, X = _seen(old)
 
     def residual(k: Vec) -> Vec:
         return (new.project(X, k).h - z).ravel()
@@ -73,6 +68,15 @@ def with_same_fields(old: Any, new: Any) -> Any:
     new = replace(new, **shared)
     empty = {f.name: (0.0,) * DISTORTION_TERMS for f in fields(new) if getattr(new, f.name) == ()}
     return replace(new, **empty)
+
+
+def _seen(sensor: Sensor) -> tuple[Vec, Vec]:
+    """Measurements (N, 2) all over the limits, and the rays they are of."""
+    z = _grid(sensor)
+    X = sensor.backproject(z, np.zeros((len(z), len(sensor.unmeasured))), sensor.calib0).X
+    # Outside the circle that a wide lens shows no ray belongs to a pixel.
+    shown = np.abs(sensor.project(X, sensor.calib0).h - z).max(axis=1) < 1e-3
+    return z[shown], X[shown]
 
 
 def _grid(sensor: Sensor) -> Vec:

@@ -68,16 +68,8 @@ def car() -> Experiment:
 def calibration() -> Experiment:
     """The cloister's robot, which knows six points; all six numbers of its camera are in the
     state, truly 1 to 2.3 sd from what is believed."""
-    camera = Pinhole(
-        width=640,
-        height=480,
-        u0=320.0,
-        v0=240.0,
-        f_u=320.0,
-        f_v=320.0,
-        distortion=(-0.3, 0.1),
-        border=0.0,
-    )
+    image = {"width": 640, "height": 480, "u0": 320.0, "v0": 240.0, "border": 0.0}
+    camera = Pinhole(**image, f_u=320.0, f_v=320.0, distortion=(-0.3, 0.1))
     world, circle = ThickCloister(), ConstantControls({"dx": 0.08, "az": math.radians(0.9)})
     return simulated(
         "calibration",

@@ -85,11 +85,8 @@ def mrpt(path: str) -> Experiment:
     """
     source = Mrpt(path=find_log(path))
     told, own_axes = source.header, (0.0, 0.0, 0.0)
-    common = {
-        "sd_range": told["std_range"],
-        "reach_min": 0.01,
-        "reach_max": 1.1 * told["max_range"],
-    }
+    reach = 1.1 * told["max_range"]
+    common = {"sd_range": told["std_range"], "reach_min": 0.01, "reach_max": reach}
     # The last sighting at the edge may be expected outside.
     field = min(1.1 * told["fov_yaw"], 2.0 * math.pi)
     if source.is_planar:

@@ -84,32 +84,34 @@ def swapped(
     """
     if role in CHOICES:
         return params.replace(experiment, role, name), ""
-    known = {r.role: r for r in role_options(experiment, base)}
-    if (
-        role.startswith(INSTRUMENTS)
-        and role.removeprefix(INSTRUMENTS) in experiment.estimator.robots
-    ):
-        return with_instrument(experiment, base, role, name)
+    if role.startswith(INSTRUMENTS):
+        if role.removeprefix(INSTRUMENTS) in experiment.estimator.robots:
+            return with_instrument(experiment, base, role, name)
     if role in instrument_models(experiment):
         return renewed(experiment, role, name), ""
+    known = {r.role: r for r in role_options(experiment, base)}
     if role not in known:
         raise ParamError(f"no role '{role}': choose one of {', '.join(known)}")
-    if role in {r.role for r in simulated_roles(experiment)}:
-        if name not in known[role].options:
-            raise ParamError(f"no '{name}' for {role}: choose {', '.join(known[role].options)}")
-        if name == known[role].current:
-            return experiment, f"{known[role].title} is already '{name}'"
-        return with_simulated(experiment, base, role, name)
     kind = _kind(role)
     if kind and name not in registry.models(kind) and name in registry.refused(kind):
         raise ParamError(registry.refused(kind)[name])
     mount = role.split(".")[2] if role.startswith("estimator.mounts.") else ""
     if mount and name in registry.models(kind) and _measures_else(experiment, mount, name):
         return exchanged(experiment, base, mount, name)
-    if name not in known[role].options:
-        raise ParamError(f"no model '{name}' for {role}: choose {', '.join(known[role].options)}")
-    if name == known[role].current and not is_outdated(params.get(experiment, role)):
-        return experiment, f"{known[role].title} is already '{name}'"
+    what, row = "model " if kind else "", known[role]
+    if name not in row.options:
+        raise ParamError(f"no {what}'{name}' for {role}: choose {', '.join(row.options)}")
+    if name == row.current and not (kind and is_outdated(params.get(experiment, role))):
+        return experiment, f"{row.title} is already '{name}'"
+    if not kind:
+        return with_simulated(experiment, base, role, name)
+    return _with_model(experiment, base, role, name)
+
+
+def _with_model(
+    experiment: Experiment, base: Experiment, role: str, name: str
+) -> tuple[Experiment, str]:
+    """The experiment with another motion model, sensor or parametrisation."""
     if role == LANDMARK:
         return _with_landmark(experiment, base, name), ""
     if role == LINE:

@@ -31,6 +31,23 @@ from scene_core.sources.worlds import SimulatedWorld
 ROTATION = ("rx", "ry", "rz")
 
 
+class _Blocks:
+    """The blocks of a state, independent of each other, as they are added."""
+
+    def __init__(self) -> None:
+        self._means: dict[str, Vec] = {}
+        self._covs: list[Mat] = []
+
+    def add(self, name: str, mean: Vec, cov: Mat) -> None:
+        self._means[name] = mean
+        self._covs.append(cov)
+
+    def gaussian(self) -> Gaussian:
+        mean = np.concatenate(list(self._means.values())) if self._means else np.zeros(0)
+        layout = Layout.of({name: len(x) for name, x in self._means.items()})
+        return Gaussian(frozen(mean), frozen(block_diag(self._covs)), layout)
+
+
 def initial_world(experiment: Experiment) -> World:
     """The World before frame 0: blocks robot, robot calibration, mount pose, mount calibration,
     known feature, in this order; independent of each other.
@@ -38,60 +55,54 @@ def initial_world(experiment: Experiment) -> World:
     Raises ParamError naming the table and the label that does not fit.
     """
     settings = experiment.estimator
-    sizes: dict[str, int] = {}
-    means: list[Vec] = []
-    covs: list[Mat] = []
-
-    def add(name: str, mean: Vec, cov: Mat) -> None:
-        sizes[name] = len(mean)
-        means.append(mean)
-        covs.append(cov)
-
     robots = {i: Robot(i, r.motion) for i, r in settings.robots.items()}
     mounts = {i: _mount(settings, i, m) for i, m in settings.mounts.items()}
-    for i, robot in settings.robots.items():
-        add(robots[i].block, *start_state(f"estimator.robots.{i}", robot))
-    for i, robot in settings.robots.items():
-        if robot.calib_sd:
-            at, motion = f"estimator.robots.{i}.calib_sd", robot.motion
-            add(
-                robots[i].calib_block,
-                motion.calib0,
-                _diagonal(at, motion.calib_labels, robot.calib_sd),
-            )
-    for i, mount in settings.mounts.items():
-        at, sensor = f"estimator.mounts.{i}", mount.sensor
-        if mount.pose_sd:
-            cov = _state_cov(f"{at}.pose_sd", sensor.space.labels, mounts[i].pose, mount.pose_sd)
-            add(mounts[i].pose_block, mounts[i].pose, cov)
-        if mount.calib_sd:
-            cov = _diagonal(f"{at}.calib_sd", sensor.calib_labels, mount.calib_sd)
-            add(mounts[i].calib_block, sensor.calib0, cov)
     given = known_features(experiment)
+    blocks = _Blocks()
+    _add_robots(blocks, settings, robots)
+    _add_mounts(blocks, settings, mounts)
     for label, known in enumerate(given, 1):
         position = _known_position(settings, label, known)
-        add(f"feature:{label}", position, np.eye(len(position)) * known.sd**2)
-
+        blocks.add(f"feature:{label}", position, np.eye(len(position)) * known.sd**2)
     idle = resting(settings)
+    instruments = {
+        i: _instrument(settings, i, m) for i, m in settings.instruments.items() if i not in idle
+    }
     world = World(
         frame=-1,
         time=0.0,
-        gauss=Gaussian(
-            frozen(np.concatenate(means) if means else np.zeros(0)),
-            frozen(block_diag(covs)),
-            Layout.of(sizes),
-        ),
+        gauss=blocks.gaussian(),
         robots=robots,
         mounts=mounts,
-        instruments={
-            i: _instrument(settings, i, m) for i, m in settings.instruments.items() if i not in idle
-        },
+        instruments=instruments,
         features={},
         policies=settings.policies,
         up=settings.up,
         next_label=len(given) + 1,
     )
     return with_markers(_with_known(world, experiment, given), settings)
+
+
+def _add_robots(blocks: _Blocks, settings: EstimatorSettings, robots: Mapping[str, Robot]) -> None:
+    for i, robot in settings.robots.items():
+        blocks.add(robots[i].block, *start_state(f"estimator.robots.{i}", robot))
+    for i, robot in settings.robots.items():
+        if robot.calib_sd:
+            motion = robot.motion
+            at = f"estimator.robots.{i}.calib_sd"
+            cov = _diagonal(at, motion.calib_labels, robot.calib_sd)
+            blocks.add(robots[i].calib_block, motion.calib0, cov)
+
+
+def _add_mounts(blocks: _Blocks, settings: EstimatorSettings, mounts: Mapping[str, Mount]) -> None:
+    for i, mount in settings.mounts.items():
+        at, sensor, pose = f"estimator.mounts.{i}", mount.sensor, mounts[i].pose
+        if mount.pose_sd:
+            cov = _state_cov(f"{at}.pose_sd", sensor.space.labels, pose, mount.pose_sd)
+            blocks.add(mounts[i].pose_block, pose, cov)
+        if mount.calib_sd:
+            cov = _diagonal(f"{at}.calib_sd", sensor.calib_labels, mount.calib_sd)
+            blocks.add(mounts[i].calib_block, sensor.calib0, cov)
 
 
 def start_state(at: str, robot: RobotSettings) -> tuple[Vec, Mat]:
