@@ -14,7 +14,7 @@ import numpy as np
 from scene_core.arrays import Mat, Vec
 from scene_core.filter.gaussian import augment
 from scene_core.filter.observe import SensorState, sensor_state
-from scene_core.filter.ports import Detection, Frame, Occupied, Source
+from scene_core.filter.ports import Detection, Frame, Image, Occupied, Source
 from scene_core.filter.records import Event, Predictions
 from scene_core.filter.world import Feature, World
 from scene_core.models import segments
@@ -174,7 +174,8 @@ def initialise_at(
     where = np.asarray(z, dtype=np.float64)
     detection = source.appearance_at(frame, mount, where, world.policies.vision)
     if detection is None:
-        text = "no feature started: there is nothing to recognise here; point at a corner"
+        at = "a corner" if isinstance(frame.raw.get(mount), Image) else "a measurement"
+        text = f"no feature started: there is nothing to recognise here; point at {at}"
         return world, Event(world.frame, "info", text)
     return initialise(world, mount, detection)
 

@@ -97,6 +97,13 @@ class InitialiseAt:
 
 
 @dataclass(frozen=True)
+class DeleteFeature:
+    """Forget a feature at the end of the present frame."""
+
+    label: int
+
+
+@dataclass(frozen=True)
 class ZeroAxes:
     """Put the axes of the whole map where a robot is at the end of the present frame."""
 
@@ -138,6 +145,7 @@ Command = (
     | LoadPreset
     | Select
     | InitialiseAt
+    | DeleteFeature
     | ZeroAxes
     | ModelsSaved
     | Abandon

@@ -1,4 +1,5 @@
-"""What may be done at the end of a frame: a feature is started at a click, the axes are moved."""
+"""What may be done at the end of a frame: a feature is started at a click or deleted by hand, the
+axes are moved."""
 
 from __future__ import annotations
 
@@ -6,14 +7,15 @@ from time import perf_counter
 
 from scene_core.filter.axes import redefine
 from scene_core.filter.birth import initialise_at
+from scene_core.filter.manage import delete
 from scene_core.filter.ports import Source
 from scene_core.filter.records import Event, PhaseRecord, Trace
 from scene_core.filter.world import World
 from scene_core.params import ParamError
 from scene_core.session.axes import zeroed
-from scene_core.session.commands import InitialiseAt, ZeroAxes
+from scene_core.session.commands import DeleteFeature, InitialiseAt, ZeroAxes
 
-AtEnd = InitialiseAt | ZeroAxes
+AtEnd = InitialiseAt | DeleteFeature | ZeroAxes
 """Commands that act at the end of a frame."""
 
 
@@ -22,6 +24,10 @@ def check(command: AtEnd, world: World, frame: int, half_stepped: bool) -> None:
     not when the frame is complete."""
     if isinstance(command, InitialiseAt):
         _check_click(command, world, frame)
+    elif isinstance(command, DeleteFeature):
+        if frame < 0:
+            raise ParamError("no frame yet to delete a feature in: step to the first one")
+        _check_deletion(command, world)
     elif frame < 0:
         raise ParamError("no frame yet to put the axes into: step to the first one")
     elif half_stepped:
@@ -38,26 +44,55 @@ def _check_click(command: InitialiseAt, world: World, frame: int) -> None:
             f"the feature was pointed at in frame {command.frame}, but this is frame "
             f"{frame}: pause, then click"
         )
+    _check_place(command, world)
+
+
+def _check_place(command: InitialiseAt, world: World) -> None:
+    """Whether the sensor measures that many coordinates: at a replay it may be another one."""
     size = world.mounts[command.mount].sensor.measurement_size
     if not 1 <= len(command.z) <= size:
-        raise ParamError(f"a place in sensor '{command.mount}' has up to {size} coordinates")
+        raise ParamError(
+            f"no feature started: a place in sensor '{command.mount}' has up to {size} coordinates"
+        )
+
+
+def _check_deletion(command: DeleteFeature, world: World) -> None:
+    feature = world.features.get(command.label)
+    if feature is None:
+        raise ParamError(f"there is no feature {command.label} to delete")
+    if feature.carrier:
+        raise ParamError(
+            f"feature {command.label} is a marker on robot '{feature.carrier}': it is there as "
+            "long as the robot"
+        )
 
 
 def waiting(command: AtEnd) -> str:
     """What is said until the frame is complete."""
-    if isinstance(command, InitialiseAt):
-        return "the feature is started when this frame is complete"
-    return "the axes are moved when this frame is complete"
+    match command:
+        case InitialiseAt():
+            return "the feature is started when this frame is complete"
+        case DeleteFeature(label):
+            return f"feature {label} is deleted when this frame is complete"
+        case ZeroAxes():
+            return "the axes are moved when this frame is complete"
 
 
 def done(trace: Trace, command: AtEnd, source: Source) -> PhaseRecord:
     """One more phase of a complete frame. Raises ParamError when it can not be."""
-    if isinstance(command, ZeroAxes):
-        return zeroed(trace, command.robot)
-    t0 = perf_counter()
-    world, event = initialise_at(trace.world, trace.frame, source, command.mount, command.z)
+    t0, mount = perf_counter(), None
+    match command:
+        case ZeroAxes(robot):
+            return zeroed(trace, robot)
+        case DeleteFeature(label):
+            _check_deletion(command, trace.world)
+            world = delete(trace.world, [label])
+            event = Event(trace.frame.index, "deleted", f"{label} deleted: by hand", label)
+        case InitialiseAt(mount, z, _):
+            _check_place(command, trace.world)
+            world, event = initialise_at(trace.world, trace.frame, source, mount, z)
     ms = 1e3 * (perf_counter() - t0)
-    return PhaseRecord("manage", command.mount, world, ms, events=(event,))
+    return PhaseRecord("manage", mount, world, ms, events=(event,))
 
 
 def refused(trace: Trace, why: ParamError) -> PhaseRecord:

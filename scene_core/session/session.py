@@ -14,6 +14,7 @@ from scene_core.filter.world import World
 from scene_core.params import ParamError
 from scene_core.session.commands import (
     Command,
+    DeleteFeature,
     InitialiseAt,
     Redo,
     ResetParams,
@@ -201,7 +202,7 @@ class Session:
         match command:
             case SetParam() | SetParams() | SwapModel() | Undo() | Redo() | ResetParams():
                 self._edit(command, playing)
-            case InitialiseAt() | ZeroAxes():
+            case InitialiseAt() | DeleteFeature() | ZeroAxes():
                 self.message = self._live.at_end(command)
             case Select(label):
                 self.selected, self.message = label, ""

@@ -47,7 +47,7 @@ def with_simulated(
                 f"they are not in '{name}'; load a scenario without known landmarks"
             )
         new = original if original.name == name else _classes(SimulatedWorld)[name]()
-        return params.put(experiment, role, new), "takes effect on reset"
+        return _with_world(experiment, new)
     assert isinstance(experiment.source, Simulation)
     robot = params.get(experiment, role.rpartition(".")[0])
     own = original.name == name
@@ -56,7 +56,21 @@ def with_simulated(
         new.check(robot.motion)
     except SourceError as e:
         raise ParamError(f"'{name}' can not drive '{robot.motion.name}': {e}") from e
-    return params.put(experiment, role, new), ""
+    who = role.split(".")[2]
+    return params.put(experiment, role, new), f"'{name}' drives '{who}' from the next frame on"
+
+
+def _with_world(experiment: Experiment, world: SimulatedWorld) -> tuple[Experiment, str]:
+    """Raises ParamError for a world in which this simulation can not be started."""
+    after = params.put(experiment, WORLD, world)
+    wanting = world.wanting()
+    if wanting:
+        return after, f"takes effect on reset; before that {wanting}"
+    try:
+        after.source.start()
+    except SourceError as e:
+        raise ParamError(str(e)) from e
+    return after, "takes effect on reset"
 
 
 def _classes(base: type[Any]) -> dict[str, type[Any]]:

@@ -65,6 +65,9 @@ class WorldFile(SimulatedWorld):
     def known(self) -> tuple[KnownPoint, ...]:
         return self._read().known
 
+    def wanting(self) -> str:
+        return "" if self.path else "give the path of its file"
+
     def version(self) -> Hashable:
         content = self._read()
         return content.ids.tobytes(), content.points.tobytes(), content.segments.tobytes()

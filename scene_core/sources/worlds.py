@@ -68,6 +68,10 @@ class SimulatedWorld(ABC):
         """Landmarks the estimator is given at the start; none unless overridden."""
         return ()
 
+    def wanting(self) -> str:
+        """What has to be given before there is anything in it, as an instruction; may be empty."""
+        return ""
+
     def version(self) -> Hashable:
         """What tells that the landmarks of an equal world are still the same."""
         return None

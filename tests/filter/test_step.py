@@ -185,7 +185,7 @@ def test_a_click_starts_a_feature_or_says_why_not() -> None:
     world = camera_world(seed=9, points=1, rays=0)
     frame = still_frame(Points(np.zeros((0, 2)), np.zeros(0, int)))
     same, event = initialise_at(world, frame, ToySource(), "eye", (10.0, 10.0))
-    assert same is world and "point at a corner" in event.text
+    assert same is world and "point at a measurement" in event.text
     click = ToySource(clicks=(Detection(np.array([10.0, 10.0]), 9),))
     more, event = initialise_at(world, frame, click, "eye", (10.0, 10.0))
     assert len(more.features) == 2 and event.kind == "born"

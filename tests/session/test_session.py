@@ -12,6 +12,7 @@ from scene_core.filter.ports import EndOfData
 from scene_core.params import ParamError
 from scene_core.session import presets
 from scene_core.session.commands import (
+    DeleteFeature,
     InitialiseAt,
     Redo,
     ResetParams,
@@ -185,6 +186,61 @@ def test_a_click_in_a_half_stepped_frame_is_done_when_it_is_complete() -> None:
     assert len(session.world.features) == 0
     session.advance()
     assert len(session.world.features) == 1
+
+
+def test_a_click_is_replayed_only_into_a_sensor_that_measures_as_much() -> None:
+    session = Session(presets.build("points_and_lines"))
+    for _ in range(3):
+        session.advance()
+    session.apply(SwapModel("estimator.mounts.camera.sensor", "stereo"))
+    session.advance()
+    session.apply(InitialiseAt("camera", (300.0, 200.0, 290.0, 200.0), session.frame))
+    session.apply(ResetParams())
+    session.redo()
+    assert session.frame == 3 and "'camera' has up to 2 coordinates" in session.events[0].text
+    session.advance()
+
+
+def test_a_feature_is_deleted_by_hand_and_deleted_again_when_it_is_played_again() -> None:
+    session = run(frames=10)
+    label = min(session.world.features)
+    kept = tuple(session.world.features)
+    session.apply(DeleteFeature(label))
+    assert session.message == f"{label} deleted: by hand" and session.events[0].kind == "deleted"
+    assert tuple(session.world.features) == kept[1:]
+    assert f"feature:{label}" not in session.world.gauss.layout
+    assert session.metrics.totals()["deleted"] == 1
+    for _ in range(4):
+        session.advance()
+    there = fingerprint(session)
+    session.seek(8)
+    assert label in session.world.features
+    while session.frame < 13:
+        session.advance()
+    assert fingerprint(session) == there
+    with pytest.raises(ParamError, match=f"there is no feature {label} to delete"):
+        session.apply(DeleteFeature(label))
+
+
+def test_a_feature_is_deleted_when_a_half_stepped_frame_is_complete() -> None:
+    session = run(frames=10)
+    label = min(session.world.features)
+    session.step_phase()
+    session.apply(DeleteFeature(label))
+    assert session.message == f"feature {label} is deleted when this frame is complete"
+    assert label in session.world.features
+    session.advance()
+    assert label not in session.world.features and session.message == f"{label} deleted: by hand"
+
+
+def test_what_can_not_be_deleted_is_said() -> None:
+    session = Session(presets.build("cooperation"))
+    (marker,) = [f.label for f in session.world.features.values() if f.carrier]
+    with pytest.raises(ParamError, match="no frame yet to delete a feature in"):
+        session.apply(DeleteFeature(marker))
+    session.advance()
+    with pytest.raises(ParamError, match=f"feature {marker} is a marker on robot"):
+        session.apply(DeleteFeature(marker))
 
 
 def test_repeated_edits_coalesce() -> None:

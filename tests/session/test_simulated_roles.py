@@ -58,6 +58,12 @@ def test_a_robot_is_driven_by_hand_from_the_next_frame_on() -> None:
     assert session.running.source == build("nomad").source
 
 
+def test_a_driver_says_when_it_takes_over() -> None:
+    session = Session(build("nomad"))
+    session.apply(SwapModel(DRIVER, "manual"))
+    assert session.message == "'manual' drives 'nomad' from the next frame on"
+
+
 def test_waypoints_are_edited_live() -> None:
     session = Session(build("nomad"))
     session.apply(SetParam(f"{DRIVER}.points", [[0.0, 0.0]]))
@@ -89,6 +95,7 @@ def test_a_world_from_a_file_and_a_file_that_is_wrong(tmp_path: Path) -> None:
     session = Session(build("nomad"))
     session.advance()
     session.apply(SwapModel(WORLD, "world file"))
+    assert session.message == "takes effect on reset; before that give the path of its file"
     with pytest.raises(ParamError, match=r"nowhere\.toml can not be opened"):
         session.apply(SetParam(f"{WORLD}.path", "nowhere.toml"))
     file = tmp_path / "my.toml"
@@ -130,6 +137,7 @@ def test_landmarks_a_file_calls_known_are_given_to_the_estimator(tmp_path: Path)
         ("cloister", "source.robots.robot.driver", "shuttle", "sets the speed v"),
         ("gyro", WORLD, "house", "given landmarks of the world 'cloister' at the start"),
         ("nomad", WORLD, "house", "no 'house' for source.world: choose .*field"),
+        ("terrain", WORLD, "cloister", "the world 'cloister' has no ground to drive on"),
     ],
 )
 def test_what_makes_no_sense_is_refused(preset: str, role: str, name: str, words: str) -> None:
