@@ -28,6 +28,8 @@ class WideAngle(Camera):
     calib_labels = ("u0", "v0", "fu", "fv", "kd1")
     calib_units = ("px", "px", "px", "px", "1/px²")
 
+    border: float = param(20.0, unit="px", lo=0.0, hi=1000.0, soft=(0.0, 60.0), label="Border")
+    """No feature is measured nearer than this to the border of the image."""
     kd1: float = param(9e-6, unit="1/px²", lo=-1e-3, hi=1e-3, soft=(0.0, 2e-5), label="kd1")
     """Strength of the barrel distortion; 0: an ideal pinhole."""
     sd_grows_to_corner: bool = param(True, label="Noise grows outwards")
