@@ -42,6 +42,7 @@ MOTION = {
     "normalise": Contract(("n", "n n"), base.Normalised),
     "lift": Contract(("n", "n p", "n n"), base.Lifted),
     "f_noisy": Contract(("n",)),
+    "stay": Contract(("u",)),
     "navigate": Contract(("u",), may_be_none=True),
 }
 SENSOR = {

@@ -52,6 +52,16 @@ def stepped(xp: Vec, step: Vec) -> Stepped:
     return Stepped(moved.x, moved.by_a, by_step)
 
 
+def straight_to(at: Vec, goal: Vec, speed: float, arrive: float, dt: float) -> Vec | None:
+    """Velocity (3,) in the world of a body that goes straight from `at` to `goal` (3,) [m], at
+    `speed` [m/s] but never past it within dt; None within the distance `arrive` [m]."""
+    way = goal - at
+    distance = float(np.linalg.norm(way))
+    if distance <= arrive:
+        return None
+    return way / distance * min(speed, distance / dt)
+
+
 def redefine(xv: Vec, xpdef: Vec, in_world: Sequence[int] = ()) -> Redefined:
     """xv in axes whose origin is the pose xpdef (7,); `in_world` are the first rows of the vectors
     given in the world, all else belongs to the body."""

@@ -128,7 +128,7 @@ class Waypoints(Driver):
             u = motion.navigate(xv, np.array(self.points[at], dtype=float), dt)
             if u is not None:
                 return Drive(u, at)
-        return Drive(np.zeros(len(motion.control_labels)), goal)
+        return Drive(motion.stay(xv, dt), goal)
 
     @staticmethod
     def _next(memory: Any) -> int:

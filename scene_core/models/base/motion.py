@@ -102,6 +102,11 @@ class MotionModel(ABC):
     def f_noisy(self, xv: Vec, u: Vec, dt: float, k: Vec, rng: np.random.Generator) -> Vec:
         """The process with its own noise: simulation only."""
 
+    def stay(self, xv: Vec, dt: float) -> Vec:
+        """Controls that bring xv to rest where it is: zero, unless there is a speed to be lost or
+        a weight to be held."""
+        return np.zeros(len(self.control_labels))
+
     def navigate(self, xv: Vec, goal: Vec, dt: float) -> Vec | None:
         """Controls that bring xv nearer to the position `goal`; None once it has arrived."""
         return None

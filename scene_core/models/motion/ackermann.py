@@ -150,6 +150,10 @@ class PlanarAckermann(MotionModel):
     def f_noisy(self, xv: Vec, u: Vec, dt: float, k: Vec, rng: np.random.Generator) -> Vec:
         return noisy_process(self, xv, u, dt, k, rng)
 
+    def stay(self, xv: Vec, dt: float) -> Vec:
+        """Brakes with the wheels as they are."""
+        return np.array([np.clip(-xv[3] / dt, -self.max_accel, self.max_accel), 0.0])
+
     def navigate(self, xv: Vec, goal: Vec, dt: float) -> Vec | None:
         """Steer along the circle through `goal` (z, x) [m], where there is one (pure pursuit).
 

@@ -186,13 +186,17 @@ class Double(MotionModel):
         each = self._each(xv, u, k)
         return np.concatenate([model.f_noisy(x, v, dt, c, rng) for model, x, v, c in each])
 
+    def stay(self, xv: Vec, dt: float) -> Vec:
+        x1, x2 = self._states(xv)
+        return np.concatenate([self.first.stay(x1, dt), self.second.stay(x2, dt)])
+
     def navigate(self, xv: Vec, goal: Vec, dt: float) -> Vec | None:
         """Both to the same goal; the one that is there waits for the other."""
         models = (self.first, self.second)
         us = [m.navigate(x, goal, dt) for m, x in zip(models, self._states(xv), strict=True)]
         if all(u is None for u in us):
             return None
-        still = (np.zeros(len(m.control_labels)) for m in models)
+        still = (m.stay(x, dt) for m, x in zip(models, self._states(xv), strict=True))
         return np.concatenate([z if u is None else u for u, z in zip(us, still, strict=True)])
 
 

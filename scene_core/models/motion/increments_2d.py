@@ -51,6 +51,12 @@ class PlanarIncrements(MotionModel):
     """Standard deviation of the displacement, per step, while nobody sends odometry."""
     unknown_sd_turn: float = param(0.2, unit="rad", lo=0.0, hi=3.2, soft=(0.0, 1.0))
     """Standard deviation of the turn, per step, while nobody sends odometry."""
+    cruise: float = param(0.3, unit="m/s", lo=0.01, hi=10.0, soft=(0.05, 1.0), label="Cruise")
+    """Speed on the way to a waypoint."""
+    turn_rate: float = param(0.6, unit="rad/s", lo=0.01, hi=10.0, soft=(0.1, 2.0))
+    """It turns at most this fast towards a waypoint."""
+    arrive: float = param(0.2, unit="m", lo=0.0, hi=5.0, soft=(0.02, 1.0), label="Arrival")
+    """A waypoint counts as reached within this distance."""
 
     def f(self, xv: Vec, u: Vec, dt: float, k: Vec) -> Transition:
         step = TWO_D.compose(xv, u)
@@ -79,3 +85,11 @@ class PlanarIncrements(MotionModel):
 
     def f_noisy(self, xv: Vec, u: Vec, dt: float, k: Vec, rng: np.random.Generator) -> Vec:
         return noisy_process(self, xv, u, dt, k, rng)
+
+    def navigate(self, xv: Vec, goal: Vec, dt: float) -> Vec | None:
+        """Drive and turn to `goal` (z, x) [m], slowly while it is not ahead."""
+        ahead = planar.goal_from(xv[:2], xv[2], goal, self.arrive)
+        if ahead is None:
+            return None
+        turn = planar.limited(ahead.bearing, self.turn_rate, dt)
+        return np.array([planar.cruising(ahead, 0.0, self.cruise, dt) * dt, 0.0, turn])

@@ -23,6 +23,8 @@ from scene_core.params import param
 
 POSE, V, BA, BG = slice(0, 7), slice(7, 10), slice(10, 13), slice(13, 16)
 R, Q_WR = slice(0, 3), slice(3, 7)
+TAU = 0.3
+"""[s] in which a body on its way takes on the velocity it should have."""
 
 
 @dataclass(frozen=True)
@@ -90,6 +92,12 @@ class Inertial(MotionModel):
         0.02, unit="rad/s", lo=0.0, hi=1.0, soft=(0.0, 0.1), effect="on reset"
     )
     """The same for the gyro's bias."""
+    cruise: float = param(0.5, unit="m/s", lo=0.01, hi=50.0, soft=(0.05, 2.0), label="Cruise")
+    """Speed on the way to a waypoint."""
+    max_accel: float = param(1.0, unit="m/s²", lo=0.01, hi=50.0, soft=(0.1, 5.0))
+    """It accelerates and brakes at most this hard on the way to a waypoint."""
+    arrive: float = param(0.2, unit="m", lo=0.0, hi=5.0, soft=(0.02, 1.0), label="Arrival")
+    """A waypoint counts as reached within this distance."""
 
     def f(self, xv: Vec, u: Vec, dt: float, k: Vec) -> Transition:
         q, rate = xv[Q_WR], u[3:] - xv[BG]
@@ -142,3 +150,22 @@ class Inertial(MotionModel):
 
     def f_noisy(self, xv: Vec, u: Vec, dt: float, k: Vec, rng: np.random.Generator) -> Vec:
         return noisy_process(self, xv, u, dt, k, rng)
+
+    def stay(self, xv: Vec, dt: float) -> Vec:
+        """Brakes, and holds its own weight: the controls of a body that hovers."""
+        return self._pushed(xv, -xv[V], dt)
+
+    def navigate(self, xv: Vec, goal: Vec, dt: float) -> Vec | None:
+        """Straight to `goal` (x, y, z) [m], hovering, with the orientation as it is."""
+        distance = float(np.linalg.norm(goal - xv[R]))
+        speed = min(self.cruise, np.sqrt(self.max_accel * distance))
+        v = free_body.straight_to(xv[R], goal, speed, self.arrive, dt)
+        return None if v is None else self._pushed(xv, v - xv[V], dt)
+
+    def _pushed(self, xv: Vec, dv: Vec, dt: float) -> Vec:
+        """What is felt, biases and all, while the velocity goes to v + dv in TAU or as fast as it
+        may, and nothing turns."""
+        rate = self.max_accel / max(float(np.linalg.norm(dv)), 1e-12)
+        accel = dv * min(rate, 1.0 / max(TAU, dt))
+        force = quaternion.rotate_back(xv[Q_WR], accel - np.array(self.gravity))
+        return np.concatenate([force.v + xv[BA], xv[BG]])

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scene_core.arrays import Mat, Vec
+from scene_core.geometry import quaternion
 from scene_core.geometry.spaces import THREE_D
 from scene_core.models import free_body
 from scene_core.models.base import (
@@ -57,6 +58,10 @@ class Odometry3D(MotionModel):
     """Standard deviation of the displacement, per step, while nobody sends odometry."""
     unknown_sd_angle: float = param(0.05, unit="rad", lo=0.0, hi=3.2, soft=(0.0, 0.2))
     """Standard deviation of the rotation, per step, while nobody sends odometry."""
+    cruise: float = param(0.5, unit="m/s", lo=0.01, hi=50.0, soft=(0.05, 2.0), label="Cruise")
+    """Speed on the way to a waypoint."""
+    arrive: float = param(0.2, unit="m", lo=0.0, hi=5.0, soft=(0.02, 1.0), label="Arrival")
+    """A waypoint counts as reached within this distance."""
 
     def f(self, xv: Vec, u: Vec, dt: float, k: Vec) -> Transition:
         moved = free_body.stepped(xv, u)
@@ -85,3 +90,10 @@ class Odometry3D(MotionModel):
 
     def f_noisy(self, xv: Vec, u: Vec, dt: float, k: Vec, rng: np.random.Generator) -> Vec:
         return noisy_process(self, xv, u, dt, k, rng)
+
+    def navigate(self, xv: Vec, goal: Vec, dt: float) -> Vec | None:
+        """Straight to `goal` (x, y, z) [m] with the orientation as it is."""
+        v = free_body.straight_to(xv[:3], goal, self.cruise, self.arrive, dt)
+        if v is None:
+            return None
+        return np.concatenate([quaternion.rotate_back(xv[3:], v * dt).v, np.zeros(3)])
