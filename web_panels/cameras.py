@@ -123,7 +123,7 @@ class Cameras:
         """Whether a browser's camera is where it was put to see all of the map."""
         at = client.camera.position
         known = [*self._starts, *self._fits[client.client_id]]
-        return any(np.linalg.norm(at - was) < 1e-3 * bounds.radius for was in known)
+        return any(float(np.linalg.norm(at - was)) < 1e-3 * bounds.radius for was in known)
 
     def _fit(self, client: viser.ClientHandle, bounds: Bounds) -> None:
         """Show a browser all of the map, in a canvas of the shape that it told last."""

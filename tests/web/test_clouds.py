@@ -14,7 +14,8 @@ from scene_core.geometry.ellipses import sigma
 from scene_core.models.features.point_3d import EuclideanPoint
 from tests.web.line_runs import house, run, shown
 from web_panels import map_geometry as geo
-from web_panels.clouds import Clouds, places, turned_to
+from web_panels.bodies import turned_to
+from web_panels.clouds import Clouds, places
 from web_panels.map_layers import label_places, outline
 
 RNG = np.random.default_rng(5)

@@ -7,9 +7,10 @@ from scene_core.filter.ports import Image, Points, Raw
 from scene_core.geometry.ellipses import ellipse_points
 from web_panels.drawing import hit, paint, shapes_of
 from web_panels.labels import Occupancy
-from web_panels.marks import Mark, Scene, String
+from web_panels.marks import Mark, Scene
 from web_panels.painter import Painter
 from web_panels.polar_charts import PolarChart, nice_reach
+from web_panels.ray_marks import String
 from web_panels.sensor_bar import BarChart
 from web_panels.sensor_image import ImageChart
 from web_panels.style import C
