@@ -54,7 +54,10 @@ def set_params(experiment: Experiment, values: Mapping[str, object]) -> Experime
     """The same with several parameters, which take effect together."""
     for path in values:
         if path.partition(".")[0] not in ("estimator", "source"):
-            raise ParamError(f"no parameter '{path}': it starts with estimator. or source.")
+            raise ParamError(
+                f"'{path}' is no parameter of the estimator or of the source: it starts with "
+                "estimator. or source."
+            )
     return params.replace_all(experiment, values)
 
 

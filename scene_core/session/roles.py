@@ -83,7 +83,8 @@ def swapped(
     the reason when the swap makes no sense.
     """
     if role in CHOICES:
-        return params.replace(experiment, role, name), ""
+        note = f"{CHOICES[role].lower()}: {name} from the next frame on; poses and map kept"
+        return params.replace(experiment, role, name), note
     if role.startswith(INSTRUMENTS):
         if role.removeprefix(INSTRUMENTS) in experiment.estimator.robots:
             return with_instrument(experiment, base, role, name)

@@ -171,6 +171,7 @@ def test_policies_change_without_touching_the_state(session: Session) -> None:
         ("estimator.policies.selection.score", "trace"),
     ):
         session.apply(SwapModel(role, name))
+        assert f": {name} from the next frame on; poses and map kept" in session.message
     start = swapped_start(session)
     assert start.gauss is before
     assert start.policies.update.kind == "stacked" and start.policies.selection.score == "trace"
