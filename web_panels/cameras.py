@@ -8,6 +8,7 @@ import logging
 import math
 import time
 from collections import defaultdict, deque
+from collections.abc import Iterable
 from functools import partial
 
 import numpy as np
@@ -17,11 +18,11 @@ from scene_core.arrays import Vec
 from scene_core.geometry import quaternion
 from web_panels.map_geometry import Bounds
 from web_panels.panel import View
+from web_panels.viewpoints import FOV, all_in_sight, directions
 
 log = logging.getLogger(__name__)
 
 SAVE_AFTER_S = 0.5
-FOV = math.radians(43.0)
 NARROWEST = 0.4
 """No view backs away farther than for a canvas of this aspect."""
 ORBIT_RATE = math.radians(12.0)
@@ -29,21 +30,6 @@ CLOSE, FAR = 1.06, 1.45
 """Of how far away all of the map is just in sight. One stands close to a simulated place, whose
 walls say where one is, and farther from a cloud of points."""
 _last_places = partial(deque[Vec], maxlen=6)
-
-
-def directions(up: str) -> dict[str, Vec]:
-    """Unit-like vectors from the middle of the map towards the camera."""
-    if up == "z":
-        return {
-            "perspective": np.array([-0.62, -0.66, 0.52]),
-            "top": np.array([0.0, -0.02, 1.0]),
-            "side": np.array([0.0, -1.0, 0.12]),
-        }
-    return {
-        "perspective": np.array([-0.52, 0.5, -0.7]),
-        "top": np.array([0.0, 1.0, -0.02]),
-        "side": np.array([-1.0, 0.12, 0.0]),
-    }
 
 
 class Cameras:
@@ -121,9 +107,14 @@ class Cameras:
 
     def _is_fitted(self, client: viser.ClientHandle, bounds: Bounds) -> bool:
         """Whether a browser's camera is where it was put to see all of the map."""
-        at = client.camera.position
-        known = [*self._starts, *self._fits[client.client_id]]
-        return any(float(np.linalg.norm(at - was)) < 1e-3 * bounds.radius for was in known)
+        known = (*self._starts, *self._fits[client.client_id])
+        return is_at(client.camera, known, bounds)
+
+    def _is_new(self, client: viser.ClientHandle, bounds: Bounds) -> bool:
+        """Whether a browser's camera is where new ones begin, and not where it was put: it may
+        hear of the one after the other, whatever was said first."""
+        fits = tuple(self._fits[client.client_id])[-1:]
+        return is_at(client.camera, self._starts, bounds) and not is_at(client.camera, fits, bounds)
 
     def _fit(self, client: viser.ClientHandle, bounds: Bounds) -> None:
         """Show a browser all of the map, in a canvas of the shape that it told last."""
@@ -227,7 +218,8 @@ class Cameras:
     async def _remember(self, camera: viser.CameraHandle) -> None:
         """Keep the camera once it has come to rest, or now and then while it moves."""
         client = camera.client
-        if abs(aspect_of(camera) / self._aspects.get(client.client_id, 1.0) - 1.0) > 0.01:
+        resized = abs(aspect_of(camera) / self._aspects.get(client.client_id, 1.0) - 1.0) > 0.01
+        if resized or (self.bounds is not None and self._is_new(client, self.bounds)):
             self._resized.add(client.client_id)
         if client.client_id not in self._saving:
             loop = asyncio.get_running_loop()
@@ -253,19 +245,10 @@ class Cameras:
             timer.cancel()
 
 
-def all_in_sight(bounds: Bounds, d: Vec, up: Vec, aspect: float) -> float:
-    """How far from the middle, in the direction d (3,), all corners of a box are in the picture.
-
-    A corner that is x beside, y above and s beyond the middle is in it from a distance t if
-    |y| <= (t + s) tan(FOV/2) and |x| <= (t + s) aspect tan(FOV/2).
-    """
-    right = np.cross(up, d)
-    right /= np.linalg.norm(right)
-    corners = np.stack(np.meshgrid(*np.stack([bounds.lo, bounds.hi], 1), indexing="ij"), -1)
-    away = corners.reshape(-1, 3) - bounds.centre
-    tangent = math.tan(0.5 * FOV)
-    x, y, s = away @ right, away @ np.cross(d, right), -away @ d
-    return float(np.max([np.abs(y) / tangent - s, np.abs(x) / (aspect * tangent) - s]))
+def is_at(camera: viser.CameraHandle, places: Iterable[Vec], bounds: Bounds) -> bool:
+    """Whether a camera is at one of the places (3,), as exactly as browsers tell."""
+    near = 1e-3 * bounds.radius
+    return any(float(np.linalg.norm(camera.position - place)) < near for place in places)
 
 
 def aspect_of(camera: viser.CameraHandle) -> float:

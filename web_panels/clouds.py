@@ -127,13 +127,20 @@ def _points(
 def within_ray(mean: Vec, scales: Vec, ends: Vec) -> tuple[Vec, Vec]:
     """Means (N, 3) and half-axes (N, 3) of ellipsoids held within their rays (N, 2, 3).
 
-    A first-order ellipsoid of a depth that is hardly known reaches far behind the camera.
+    A first-order ellipsoid of a depth that is hardly known reaches far behind the camera: its
+    longest axis is cut where its ray begins and ends.
     """
-    ray = ends[:, 1] - ends[:, 0]
+    start, ray = ends[:, 0], ends[:, 1] - ends[:, 0]
     length = np.linalg.norm(ray, axis=1)
-    along = np.linalg.norm(mean - ends[:, 0], axis=1)
-    held = np.where((along <= length)[:, None], mean, ends[:, 0] + 0.5 * ray)
-    return held, np.minimum(scales, np.maximum(0.5 * length, NO_ENDS)[:, None])
+    along = np.linalg.norm(mean - start, axis=1)
+    longest = scales.max(axis=1)
+    inside = along <= length
+    low = np.where(inside, np.maximum(along - longest, 0.0), 0.0)
+    high = np.where(inside, np.minimum(along + longest, length), length)
+    way = np.where(inside[:, None], mean - start, ray)
+    way /= np.maximum(np.where(inside, along, length), 1e-12)[:, None]
+    held = start + (0.5 * (low + high))[:, None] * way
+    return held, np.minimum(scales, np.maximum(0.5 * (high - low), NO_ENDS)[:, None])
 
 
 def places(X: Vec, farthest: float) -> Vec:

@@ -27,7 +27,7 @@ from tests.web.fakes import published
 from tests.web.raw_client import CAMERA, RawClient, raw_client
 from tests.web.test_gate import free_port, wait
 from web_panels import gate, map_geometry, verdicts
-from web_panels.cameras import FOV, Cameras, read_camera
+from web_panels.cameras import Cameras, read_camera
 from web_panels.clouds import Cloud, Clouds, within_ray
 from web_panels.instances import Instances
 from web_panels.map_layers import Sightings
@@ -37,6 +37,7 @@ from web_panels.map_robots import Robots
 from web_panels.map_waypoints import flag_height
 from web_panels.panel import Look
 from web_panels.style import HEX, C, linear, robot_colour
+from web_panels.viewpoints import FOV
 
 RNG = np.random.default_rng(1)
 
@@ -108,6 +109,13 @@ def test_open_depths_stay_on_their_rays() -> None:
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     assert (np.linalg.norm(held - ends[:, 0], axis=1) <= length + 1e-9).all()
     assert (capped <= np.maximum(0.5 * length, 1e-3)[:, None] + 1e-12).all()
+    from_start = np.linalg.norm(held - ends[:, 0], axis=1)
+    reach = capped.max(axis=1)
+    assert (reach <= np.maximum(from_start, 1e-3) + 1e-9).all(), "none reaches behind its camera"
+    small = 1e-3 * scales
+    near = ends[:, 0] + 0.5 * (ends[:, 1] - ends[:, 0])
+    same, whole = within_ray(near, small * (small < 0.1), ends)
+    assert np.allclose(same, near) and np.allclose(whole, small * (small < 0.1))
 
 
 def test_rings_lie_on_the_larger_ellipsoid() -> None:
@@ -304,6 +312,26 @@ def test_a_view_that_was_never_moved_grows_with_the_map_although_reports_come_la
         stand(server, client, by_hand, 641)
         cameras.refit(bounds[3])
         assert np.allclose(handle.camera.position, by_hand)
+
+
+def test_a_browser_that_hears_of_the_start_after_its_own_place_is_put_there_again(
+    server: viser.ViserServer,
+) -> None:
+    cameras = Cameras(server)
+    bounds = map_geometry.Bounds(np.array([-1.0, -2.0, 0.0]), np.array([3.0, 2.0, 1.0]))
+    with raw_client(server) as client:
+        assert wait(lambda: len(server.get_clients()) == 1)
+        (handle,) = server.get_clients().values()
+        handle.camera.on_update(cameras._remember)
+        cameras.place("another run", bounds, "z")
+        wanted, _ = cameras._standing("perspective", bounds, 400 / 600)
+        stand(server, client, server.initial_camera.position, 400)
+        assert wait(lambda: cameras.moving)
+        cameras.move(np.zeros(3), None, bounds)
+        assert np.allclose(handle.camera.position, wanted) and not cameras.moving
+        stand(server, client, wanted, 401)
+        stand(server, client, server.initial_camera.position, 400)
+        assert wait(lambda: cameras.moving)
 
 
 def test_flags_are_smaller_than_the_way_between_them() -> None:
