@@ -128,10 +128,10 @@ class Library:
             return model
         key = (model.kind, model.name)
         where = f"{model.file}, line {model.line}" if model.line else model.file
-        taken = "a built-in model" if model.name in registry.built_in(model.kind) else ""
-        taken = taken or (f"a model of {owner[key]}" if key in owner else "")
-        if taken:
-            problem = f"{where}: '{model.name}' is the name of {taken}: give it another"
+        if key in owner:
+            problem = (
+                f"{where}: '{model.name}' is the name of a model of {owner[key]}: give it another"
+            )
             return replace(model, problem=problem)
         owner[key] = model.file
         self._good[(model.file, *key)] = model

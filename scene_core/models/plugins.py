@@ -27,7 +27,7 @@ from scene_core import params
 from scene_core.models import guard
 from scene_core.models.check import check, no_default
 from scene_core.models.judge import Report, raised
-from scene_core.models.registry import KINDS
+from scene_core.models.registry import KINDS, built_in
 from scene_core.models.rows import not_batched
 from scene_core.text_file import text_of
 
@@ -207,6 +207,8 @@ def _model(file: str, line: int, cls: type[Any]) -> UserModel:
         first = f"{failed[0].law}: {failed[0].detail}"
         problem = f"{where}: '{name}' does not conform: {first}"
         problem += f" (and {len(failed) - 1} more)" if len(failed) > 1 else ""
+    elif name in built_in(kind):
+        problem = f"{where}: '{name}' is the name of a built-in model: give it another"
     return UserModel(file, line, kind, name, guarded, report, problem)
 
 

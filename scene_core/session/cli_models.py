@@ -83,8 +83,11 @@ def check_models(options: Check) -> bool:
         if file.problem:
             print(f"{file.problem}\n")
         for model in file.models:
-            # The report names every law; without one there is but the sentence.
-            print(model.problem if model.report is None else model.report, end="\n\n")
+            # The report names every law; there is only the sentence where all are kept.
+            if model.report is not None:
+                print(model.report, end="\n\n")
+            if model.problem and (model.report is None or model.report.ok):
+                print(model.problem, end="\n\n")
         fine &= not problems([file])
     if options.all:
         for kind in registry.KINDS:

@@ -49,6 +49,11 @@ def test_check_names_the_worst_entry_and_fails(
     assert "wrong (motion): does not conform" in out and out.endswith("Not all conform.\n")
     assert re.search(r"FAIL f has .*dfv_by_dxv\[\d, \d\] is .*, central differences give ", out)
     assert "note numeric: dfv_by_dk, dfv_by_du by central differences" in out
+    named = WRONG.replace('"wrong"', '"impulse"').replace("np.eye(3) * 2.0", "None")
+    file.write_text(named, encoding="utf-8")
+    code, out, _ = run(capsys, "check", str(file))
+    assert code == 1 and "impulse (motion): conforms" in out
+    assert "wrong.py, line 8: 'impulse' is the name of a built-in model: give it another" in out
     file.write_text("x = (", encoding="utf-8")
     code, out, _ = run(capsys, "check", str(file))
     assert code == 1 and out.startswith("wrong.py, line 1: '(' was never closed")
