@@ -97,10 +97,6 @@ def _signed(value: float) -> str:
     return text if text == "0" else f"{'−' if value < 0 else '+'}{text}"
 
 
-def robot_name(name: str, several: bool) -> str:
-    return f" {escape(name)}" if several else ""
-
-
 def pose_rows(
     estimate: Iterable[float], sds: Iterable[float], r: RobotSeries, complete: bool
 ) -> str:
@@ -141,11 +137,12 @@ def pose_card(p: Published) -> str:
         now = pose_estimate(p.trace.world, name)
         estimate = space.difference(now.xp, space.identity())
         sds = np.sqrt(np.maximum(np.diag(now.P), 0.0))
-        complete = p.trace.complete
+        complete, title = p.trace.complete, f"Pose of {name}" if several else "Robot pose"
         note = "estimate, 3 sigma" + (", error" if complete and r.error is not None else "")
         out += (
-            '<div class="row" style="margin-top:12px"><span class="h">Robot pose'
-            f'{robot_name(name, several)}</span><span class="d">{note}</span></div>'
+            '<div class="row" style="margin-top:12px;white-space:nowrap"><span class="h" '
+            f'style="overflow:hidden;text-overflow:ellipsis">{escape(title)}</span>'
+            f'<span class="d">{note}</span></div>'
             f'<table style="margin:2px 0 12px">{pose_rows(estimate, sds, r, complete)}</table>'
         )
         if r.nees is not None:

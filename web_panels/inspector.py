@@ -21,7 +21,7 @@ from web_panels.inspector_more import line_rows, particles_card, row
 from web_panels.marks import matches, verdicts
 from web_panels.panel import Page, Post
 from web_panels.story import Story, interesting, place, story
-from web_panels.style import HEX, block, escape, number, quantity
+from web_panels.style import HEX, block, escape, number, quantity, shown
 
 STAY_S = 2.5
 """While playing, a feature that nobody selected is shown at least this long."""
@@ -158,7 +158,8 @@ def _rows(
         out += row("&nu;", "innovation z &minus; h", place(sensor, a.nu, plus=True))
     if len(set(sensor.units)) == 1:
         axes = np.sqrt(np.maximum(np.linalg.eigvalsh(S)[::-1], 0.0))
-        text = ", ".join(number(v) for v in axes) + f" {escape(sensor.units[0])}"
+        scale, unit = shown(1.0, sensor.units[0])
+        text = ", ".join(number(scale * v) for v in axes) + f" {escape(unit)}"
         out += row("S", "1-sigma axes" if len(axes) > 1 else "1 sigma", text)
     else:
         sd = np.sqrt(np.diag(S))

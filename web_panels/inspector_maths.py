@@ -15,8 +15,9 @@ from web_panels import mathml as mm
 from web_panels.story import Story
 from web_panels.style import HEX, escape, gate_words, number, shown
 
-CARD_PX, SYMBOLS_PX, DIGIT_PX = 405.0, 268.0, 8.0
-"""What the card has room for, what d2's equation takes without its numbers, and one digit more."""
+CARD_PX, SYMBOLS_PX, COLUMN_PX, DIGIT_PX = 405.0, 236.0, 16.0, 8.0
+"""What the card has room for; what d2's equation takes without its numbers, and what each column
+of S and each digit take."""
 ROW_CHARACTERS = 58
 """Of the numbers of a Jacobian that fit beside each other."""
 
@@ -41,7 +42,8 @@ def _zoom(nu: np.ndarray, S: np.ndarray, d2: str) -> float:
     columns = [nu, nu, *S.T]
     specs = [_short_spec(nu)] * 2 + [_short_spec(S)] * len(S)
     widest = (max(len(format(v, f)) for v in c) for c, f in zip(columns, specs, strict=True))
-    return min(1.0, CARD_PX / (SYMBOLS_PX + DIGIT_PX * (len(d2) + sum(widest))))
+    symbols = SYMBOLS_PX + COLUMN_PX * len(S)
+    return min(1.0, CARD_PX / (symbols + DIGIT_PX * (len(d2) + sum(widest))))
 
 
 def equation(a: Association | None, told: Story, sensor: Sensor, p: Predictions) -> str:

@@ -125,7 +125,8 @@ class SensorPane:
             hint = "not predicted yet: press <kbd>P</kbd>"
         text = style.block(
             f'<div class="row" style="padding-bottom:4px;white-space:nowrap"><span class="d" '
-            f'style="overflow:hidden;text-overflow:ellipsis">{facts}</span><span class="d" '
+            f'title="{facts}" style="overflow:hidden;text-overflow:ellipsis">{facts}</span>'
+            '<span class="d" '
             'title="A click on a feature selects it; paused, a click on an empty place starts a '
             f'feature there, a shift-click even beside another one.">{hint}</span></div>'
         )

@@ -3,6 +3,7 @@ there means it."""
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from types import SimpleNamespace
 from typing import Any, cast
@@ -33,6 +34,7 @@ from tests.sensor_worlds import (
 )
 from web_panels import map_geometry
 from web_panels.drawing import Chart, hit, paint, shapes_of
+from web_panels.inspector import inspector_html
 from web_panels.marks import Scene, scene_of
 from web_panels.panel import Page
 from web_panels.sensor_image import image_chart, image_words
@@ -100,6 +102,13 @@ def test_everything_a_sensor_gives_is_drawn(sensor):
     lane = np.zeros(len(scene.raw.z))
     if sensor.measurement_size > 1:
         assert all(near(plain, at, "ink") for at in chart.place(scene.raw.z, lane))
+
+
+def test_the_inspector_tells_angles_in_degrees():
+    trace = session_of(PlanarBearing()).trace
+    assert trace is not None
+    page = inspector_html(trace, _accepted(trace), own_choice=False)
+    assert "1 sigma" in page and not re.search(r"\d rad", page)
 
 
 @each_sensor
