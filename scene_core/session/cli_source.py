@@ -167,7 +167,7 @@ def parsed(text: str, old: Any) -> Any:
         return [parsed(part.strip(), 0.0) for part in text.strip("()[]").split(",")]
     if isinstance(old, (int, float)):
         try:
-            return int(text) if isinstance(old, int) and "." not in text else float(text)
+            return int(text) if text.lstrip("+-").isdigit() else float(text)
         except ValueError:
             return text
     return text

@@ -115,6 +115,10 @@ def test_presets_are_listed_and_written(capsys: pytest.CaptureFixture[str]) -> N
             "run --preset nomad --set estimator.sd=1",
             "no parameter 'sd' in estimator: it has robots",
         ),
+        (
+            "run --preset nomad --set estimator.policies.selection.budget=1e9",
+            "budget = 1e+09 is out",
+        ),
         ("run --preset nomad --set name=x", "it starts with estimator. or source."),
         ("run --preset nomad --set estimator.robots=1", "not a parameter that can be edited"),
         ("presets moon", "no preset 'moon'"),
