@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import queue
 import sys
 import threading
 from collections.abc import Callable
@@ -36,6 +35,7 @@ from scene_core.session.commands import (
     Transport,
 )
 from scene_core.session.failures import failure
+from scene_core.session.inbox import Inbox, Nothing
 from scene_core.session.pace import Pace
 from scene_core.session.published import Busy, Failure, Published, RoleOptions
 from scene_core.session.roles import role_options
@@ -55,7 +55,7 @@ class Runner:
         self, session: Session, playing: bool = False, files: tuple[UserFile, ...] = ()
     ) -> None:
         self._session, self._files = session, files
-        self._queue: queue.SimpleQueue[Command | None] = queue.SimpleQueue()
+        self._inbox = Inbox()
         self._mode: Literal["playing", "paused", "finished"] = "playing" if playing else "paused"
         self._speed = 1.0
         self._pace = Pace()
@@ -82,12 +82,12 @@ class Runner:
         if isinstance(command, Abandon):
             self._abandon.set()
         else:
-            self._queue.put(command)
+            self._inbox.post(command)
 
     def stop(self, timeout: float = 5.0) -> None:
         """End the thread after the phase it is in."""
         self._stopped.set()
-        self._queue.put(None)
+        self._inbox.post(None)
         if self._thread.is_alive():
             self._thread.join(timeout)
 
@@ -126,9 +126,12 @@ class Runner:
             return
         self._session = self._session.without(call.cls)
         self._set_playing(False)
+        # A key that was pressed while nothing answered would go on at once, unseen.
+        dropped = self._inbox.drop_requests()
+        meanwhile = "; what was asked for meanwhile was not done" if dropped else ""
         self._failure = Failure(
             f"'{call.model}'.{call.method} did not return in {seconds:.0f} s and was abandoned, "
-            f"the run is paused at the last good frame: {self._session.message}."
+            f"the run is paused at the last good frame: {self._session.message}{meanwhile}."
         )
         self._publish()
         self._thread = self._new_thread()
@@ -156,16 +159,10 @@ class Runner:
                 self._obey(command)
 
     def _wait(self) -> Command | Nothing | None:
-        """The next command, NOTHING when it is time for the next phase, None to stop."""
-        try:
-            if self._mode != "playing":
-                return self._queue.get()
-            if self._session.half_stepped:
-                return self._queue.get_nowait()
-            wait = self._pace.wait(self._speed)
-            return self._queue.get(timeout=wait) if wait > 0 else self._queue.get_nowait()
-        except queue.Empty:
-            return NOTHING
+        """The next command, Nothing when it is time for the next phase, None to stop."""
+        if self._mode != "playing":
+            return self._inbox.next()
+        return self._inbox.next(0.0 if self._session.half_stepped else self._pace.wait(self._speed))
 
     def _play(self) -> None:
         if self._guarded(self._session.step_phase, True) and not self._session.half_stepped:
@@ -284,10 +281,3 @@ class Runner:
             can_redo=bool(s.settings.future),
             files=self._files,
         )
-
-
-class Nothing:
-    """What `_wait` returns when no command came."""
-
-
-NOTHING = Nothing()

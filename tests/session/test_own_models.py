@@ -30,6 +30,7 @@ from scene_core.session.runner import Runner
 from scene_core.session.session import Session
 
 ROLE = "estimator.robots.nomad.motion"
+BUDGET = "estimator.policies.selection.budget"
 TEXT = '''
 import time
 from dataclasses import dataclass
@@ -249,6 +250,37 @@ def test_a_call_that_hangs_is_named_abandoned_and_its_late_result_discarded(
         assert p.failure is None and p.trace is not None and p.trace.complete
         rows = len(p.series.times)
         assert rows == frame(p) + 1
+
+
+def test_what_is_asked_for_while_a_call_hangs_is_not_done_after_it_was_abandoned(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Who presses play while nothing answers, then abandons, still reads that it was abandoned."""
+    monkeypatch.setattr("scene_core.session.runner.PATIENCE_S", 0.3)
+    gate = folder / "open"
+    is_open = f"__import__('os').path.exists({str(gate)!r})"
+    write(folder, f"[time.sleep(0.02) for _ in iter(lambda: {is_open}, True)]")
+    library = Library(folder)
+    with Runner(Session(planar())) as runner:
+        runner.post(SwapModel(ROLE, "mine"))
+        runner.post(SetSpeed(math.inf))
+        runner.post(Transport("play"))
+        wait(runner, lambda p: p.busy is not None)
+        budget = params.get(runner.latest.experiment, BUDGET)
+        for command in (Transport("toggle"), SetParam(BUDGET, budget + 1), Transport("play")):
+            runner.post(command)
+        runner.post(ModelsSaved(library.files, ("mine.py was saved",)))
+        runner.post(Abandon())
+        p = wait(runner, lambda p: p.failure is not None and p.message == "mine.py was saved")
+        assert p.failure is not None and p.failure.text.endswith(
+            "; what was asked for meanwhile was not done."
+        )
+        seen = frame(p)
+        time.sleep(0.3)
+        p = runner.latest
+        assert p.mode == "paused" and p.failure is not None and frame(p) == seen
+        assert params.get(p.pending or p.experiment, BUDGET) == budget
+        gate.touch()
 
 
 def test_a_slow_call_that_comes_back_clears_its_notice(
