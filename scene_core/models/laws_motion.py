@@ -26,6 +26,7 @@ from scene_core.models.judge import (
     sample_state,
     tried,
 )
+from scene_core.models.laws_navigation import not_navigating, not_resting
 
 DT = 0.05
 
@@ -174,6 +175,14 @@ def _noisy(t: _Trial) -> str:
     return not_spread_like(draws, result.fv, P, t.angles)
 
 
+def _navigation(t: _Trial) -> str:
+    return not_navigating(t.model, t.xpdefs[:3], t.rng)
+
+
+def _rest(t: _Trial) -> str:
+    return not_resting(t.model, t.states[:3])
+
+
 _LAWS = (
     ("calib0 is as long as its labels, a hook is called base", _declared),
     ("f has the right Jacobians, finite at rest", _process),
@@ -184,4 +193,6 @@ _LAWS = (
     ("normalise is a projection with its Jacobian", _constraint),
     ("lift keeps the position state", _lifting),
     ("f_noisy spreads as Q and U say", _noisy),
+    ("navigate comes to a goal, and says so there", _navigation),
+    ("stay brings it to rest where it navigates", _rest),
 )

@@ -8,13 +8,25 @@ import pytest
 
 from scene_core import params
 from scene_core.models import registry
-from scene_core.models.base import Innovation, Lifted, Projection, Redefined, Transition
+from scene_core.models.base import (
+    Innovation,
+    Lifted,
+    MotionModel,
+    Projection,
+    Redefined,
+    Transition,
+)
 from scene_core.models.check import check
 from scene_core.models.features.anchored_homogeneous import AnchoredHomogeneous
 from scene_core.models.features.inverse_depth import InverseDepth
 from scene_core.models.features.point_3d import EuclideanPoint
+from scene_core.models.guard import guarded
 from scene_core.models.internal.speed import Speed
+from scene_core.models.motion.ackermann import PlanarAckermann
+from scene_core.models.motion.double import Double
 from scene_core.models.motion.impulse import Impulse
+from scene_core.models.motion.inertial import Inertial
+from scene_core.models.motion.nomad import PlanarNomad
 from scene_core.models.motion.unicycle import PlanarUnicycle
 from scene_core.models.sensors.civera import Civera
 from scene_core.models.sensors.pinhole import Pinhole
@@ -107,6 +119,45 @@ class LeavesVelocityBehind(Impulse):
 class LiftsElsewhere(PlanarUnicycle):
     def lift(self, xp):
         return Lifted(xp + 1.0, np.eye(3), np.zeros((3, 3)))
+
+
+@dataclass(frozen=True)
+class SteersAway(PlanarUnicycle):
+    def navigate(self, xv, goal, dt):
+        u = super().navigate(xv, goal, dt)
+        return u if u is None else u * [1.0, -1.0]
+
+
+@dataclass(frozen=True)
+class BacksOff(PlanarUnicycle):
+    def navigate(self, xv, goal, dt):
+        u = super().navigate(xv, goal, dt)
+        return u if u is None else -u
+
+
+@dataclass(frozen=True)
+class ArrivesAtOnce(PlanarUnicycle):
+    def navigate(self, xv, goal, dt):
+        return None
+
+
+@dataclass(frozen=True)
+class TwoControlsForThree(PlanarNomad):
+    def navigate(self, xv, goal, dt):
+        u = super().navigate(xv, goal, dt)
+        return u if u is None else u[:2]
+
+
+@dataclass(frozen=True)
+class NeverBrakes(PlanarAckermann):
+    def stay(self, xv, dt):
+        return np.zeros(2)
+
+
+@dataclass(frozen=True)
+class Falls(Inertial):
+    def stay(self, xv, dt):
+        return np.zeros(6)
 
 
 @dataclass(frozen=True)
@@ -219,6 +270,12 @@ BROKEN = [
     (Overconfident, "f_noisy", "draws"),
     (LeavesVelocityBehind, "commute", "off by"),
     (LiftsElsewhere, "lift", "off by"),
+    (SteersAway, "comes to a goal", "s it is"),
+    (BacksOff, "comes to a goal", "s it is"),
+    (ArrivesAtOnce, "comes to a goal", "arrived, it says, and is 0.8"),
+    (TwoControlsForThree, "comes to a goal", "navigate has shape (2,), not (3,)"),
+    (NeverBrakes, "stay brings it to rest", "it still moves at"),
+    (Falls, "stay brings it to rest", "it still moves at 2"),
     (ScalarNormalisation, "normalise", "dxvnorm_by_dxv"),
     (Raises, "project", "RuntimeError: no film"),
     (ForgetsDistortion(distortion=(-0.2,)), "project has", "dh_by_dk"),
@@ -253,6 +310,20 @@ def test_jacobians_left_to_numbers_are_no_offence():
             return Transition(super().f(xv, u, dt, k).fv)
 
     assert check(FirstDraft).ok
+
+
+@dataclass(frozen=True)
+class Wanders(PlanarUnicycle):
+    """Has controls and knows no way."""
+
+    navigate = MotionModel.navigate
+
+
+def test_a_model_says_whether_it_steers_by_itself():
+    assert PlanarUnicycle().navigates and guarded(PlanarUnicycle)().navigates
+    for model in (Wanders(), guarded(Wanders)(), Impulse(), Double(PlanarUnicycle(), Wanders())):
+        assert not model.navigates
+        assert check(model).ok, str(check(model))
 
 
 def test_something_that_is_no_model_is_refused():

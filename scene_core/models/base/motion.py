@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from inspect import unwrap
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -60,6 +61,12 @@ class MotionModel(ABC):
     @property
     def state_size(self) -> int:
         return len(self.state_labels)
+
+    @property
+    def navigates(self) -> bool:
+        """Whether it steers to a goal by itself: it has controls and a `navigate` of its own."""
+        own = unwrap(type(self).navigate) is not MotionModel.navigate
+        return own and len(self.control_labels) > 0
 
     @property
     def calib0(self) -> Vec:

@@ -113,6 +113,10 @@ class Double(MotionModel):
         return tuple(dict.fromkeys(self._both("world_fixed")))
 
     @property
+    def navigates(self) -> bool:
+        return self.first.navigates and self.second.navigates
+
+    @property
     def calib0(self) -> Vec:
         return np.concatenate([self.first.calib0, self.second.calib0])
 
