@@ -23,6 +23,7 @@ import numpy as np
 
 from scene_core.arrays import Mat, Vec
 from scene_core.filter.associate import against, judge
+from scene_core.filter.carry import carried
 from scene_core.filter.gaussian import Rows, Workspace, add_noise, times_Ht, times_P
 from scene_core.filter.groups import groups
 from scene_core.filter.joint import odd_ones
@@ -80,6 +81,7 @@ def _stacked(
     if world.policies.gate.joint and _reject_odd_ones(work, world, (parts, nu, R), verdicts):
         accepted = {k: m for k, m in accepted.items() if verdicts[k].verdict == "accepted"}
         at, parts, nu, R = _linearised(work, world, mount, accepted)
+    axes = carried(world, world.mounts[mount].robot, work.x)
     for _ in range(linearisations(world) - 1):
         prior = work.x.copy()
         work.x[at.columns] += _gain_rows(work, parts, R, at.columns) @ nu
@@ -87,8 +89,12 @@ def _stacked(
         at, parts, nu, R = _linearised(work, world, mount, accepted)
         # What this linearisation, made elsewhere, says of the innovation at the prior.
         nu += times_Ht(moved[None], parts)[0]
+        if axes is not None:
+            parts = _told_before(parts, axes.robot_at(work.x))
         work.x[:] = prior
     work.update(parts, nu, R)
+    if axes is not None:
+        axes.carry(work)
 
 
 def _reject_odd_ones(
@@ -116,6 +122,17 @@ def linearisations(world: World) -> int:
     """How often the matches of a frame are linearised before their update."""
     update = world.policies.update
     return update.iterations if update.kind == "iterated" else 1
+
+
+def _told_before(parts: Sequence[Rows], T: Mat) -> list[Rows]:
+    """Jacobians by the errors of a state whose robot has moved, by those before it has: of the
+    shared columns its own are the first."""
+    out = []
+    for part in parts:
+        H = part.H_shared.copy()
+        H[..., : len(T)] = H[..., : len(T)] @ T
+        out.append(replace(part, H_shared=H))
+    return out
 
 
 def _gain_rows(work: Workspace, parts: Sequence[Rows], R: Mat, rows: np.ndarray) -> Mat:
@@ -157,7 +174,10 @@ def _sequential(
         verdict = judge(at.mount, match, h[0], one.nu[0], S, confidence)
         final[match.label] = verdict
         if verdict.verdict == "accepted":
+            axes = carried(world, at.mount.robot, work.x)
             work.gain(HP, S, one.nu[0])
+            if axes is not None:
+                axes.carry(work)
             normalise_robots(work, world)
             normalise_features(work, world, [match.label])
     return final

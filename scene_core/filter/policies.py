@@ -59,6 +59,10 @@ class Update:
     pass puts the sensor, the features staying as predicted."""
     iterations: int = param(2, lo=1, hi=20, soft=(1, 5), label="Linearisations")
     """How often the iterated update is linearised."""
+    invariant: bool = param(False, label="Carry the axes")
+    """An update that moves the map takes along how unsure the axes are that it is told in.
+    Otherwise the filter believes to learn where they are, the more the less sure the robot was of
+    its orientation and the better the sensor is."""
 
 
 @dataclass(frozen=True)

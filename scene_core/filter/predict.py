@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scene_core.arrays import Mat, Vec
+from scene_core.filter.carry import carried
 from scene_core.filter.gaussian import FilterError, Rows, Workspace
 from scene_core.filter.ports import Control, Frame, SourceError
 from scene_core.filter.records import InternalUpdate
@@ -169,6 +170,9 @@ def _internal_update(
     fault = model.feasible(needed, hv)
     accepted = not fault and d2 < gate
     if accepted:
+        axes = carried(world, robot.id, work.x)
         work.update([Rows(index, dhv[None])], nu, R)
+        if axes is not None:
+            axes.carry(work)
     why = words(fault) if fault else "" if accepted else f"d2 = {d2:.1f} > {gate:.2f}"
     return InternalUpdate(instrument.id, hv, zv, nu, S, d2, gate, accepted, why)

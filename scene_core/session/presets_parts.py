@@ -149,6 +149,7 @@ def identified(
     first: int = 8,
     features: int = 120,
     update: Literal["stacked", "sequential", "iterated"] = "stacked",
+    invariant: bool = False,
 ) -> Policies:
     """Landmarks that say who they are: every one in view is mapped, none is given up because it
     was not found."""
@@ -156,7 +157,7 @@ def identified(
         landmark=landmark,
         selection=Selection(budget=budget),
         association=Association("identity"),
-        update=Update(update),
+        update=Update(update, invariant=invariant),
         management=Management(
             keep_visible=ALL,
             max_new=new,
