@@ -8,9 +8,12 @@ from collections.abc import Mapping
 from scene_core.geometry.spaces import TWO_D
 from scene_core.models.features.inverse_depth import InverseDepth
 from scene_core.models.features.point_2d import Point2D
+from scene_core.models.features.point_3d import EuclideanPoint
 from scene_core.models.motion.arm import Arm
+from scene_core.models.motion.head_mounted import HeadMounted
 from scene_core.models.motion.inertial import Inertial
 from scene_core.models.motion.unicycle import PlanarUnicycle
+from scene_core.models.sensors.depth_camera import DepthCamera
 from scene_core.models.sensors.pinhole import Pinhole
 from scene_core.models.sensors.range_bearing import RangeBearing
 from scene_core.session.config import Experiment
@@ -25,8 +28,9 @@ from scene_core.session.presets_parts import (
     simulated,
 )
 from scene_core.sources.buildings import CorridorPlan
-from scene_core.sources.drivers import Waypoints
+from scene_core.sources.drivers import ConstantControls, Waypoints
 from scene_core.sources.manual import Manual
+from scene_core.sources.scattered import RandomWorld
 from scene_core.sources.worlds import ThickCloister
 
 ABOUT: Mapping[str, str] = {
@@ -36,6 +40,8 @@ ABOUT: Mapping[str, str] = {
     "shrink when it comes back to the first landmarks.",
     "inertial": "A camera with an accelerometer and a gyro, which drift: watch six biases go to "
     "their true values, and the scale of the map with them.",
+    "head_mounted": "Somebody wears a depth camera and goes and looks where they like: watch the "
+    "filter keep up with what nobody tells it, by a law of how people walk and glance.",
 }
 START_SD: Mapping[str, float] = {
     **dict.fromkeys(("x", "y", "z"), 0.01),
@@ -120,6 +126,30 @@ def inertial() -> Experiment:
     )
 
 
+def head_mounted() -> Experiment:
+    """Scene's unknown outside influence: the wearer's way is drawn from the law the filter assumes.
+
+    A camera without depth would have to find the size of the world in the wearer's first steps,
+    which are known too badly for that.
+    """
+    motion = HeadMounted(sd_speed=0.5, sd_turn=0.3)
+    moves = {**dict.fromkeys(("vx", "vy", "vz"), 0.05), **dict.fromkeys(("wx", "wy", "wz"), 0.05)}
+    camera = DepthCamera(
+        **{"width": 640, "height": 480, "u0": 320.0, "v0": 240.0, "f_u": 220.0, "f_v": 220.0},
+        reach_max=15.0,
+        border=0.0,
+    )
+    return simulated(
+        "head_mounted",
+        ABOUT["head_mounted"],
+        RandomWorld(count=200, extent=7.0, height=6.0),
+        {"wearer": robot(motion, ConstantControls(), {"z": 3.0}, {**START_SD, **moves})},
+        {"camera": mount(seen_from_anywhere(camera), "wearer", (0.0, 0.0, 0.0, *FORWARD))},
+        identified(EuclideanPoint(), 12, new=2, first=12),
+        dt=1.0 / 30.0,
+    )
+
+
 def _camera() -> Pinhole:
     return seen_from_anywhere(
         Pinhole(width=640, height=480, u0=320.0, v0=240.0, f_u=320.0, f_v=320.0, border=0.0)
@@ -130,4 +160,5 @@ SCENARIOS: Mapping[str, Scenario] = {
     "arm": Scenario(arm),
     "corridor": Scenario(corridor, frames=600),
     "inertial": Scenario(inertial),
+    "head_mounted": Scenario(head_mounted),
 }
