@@ -10,6 +10,7 @@ from web_panels import style
 from web_panels.map_legend import legend_of
 from web_panels.panel import Page, Post
 from web_panels.style import HEX, PHASES, escape
+from web_panels.tags import tags_html
 from web_panels.widgets import on_press
 
 LIGHTS = {
@@ -133,6 +134,7 @@ class Head:
 
     def build(self, server: viser.ViserServer, post: Post) -> None:
         self.sheet = server.gui.add_html(style.STYLE_SHEET)
+        server.gui.add_html(tags_html())
         self.html = server.gui.add_html("")
         self.abandon = server.gui.add_button(
             "Abandon", color="red", visible=False, hint="Give up the call that does not return."

@@ -104,27 +104,26 @@ linear-gradient(currentColor,currentColor) 100% 100%/4px 1.3px no-repeat}
 .e .note{background:#f5b2381a;border:1px solid #f5b238;border-radius:5px;padding:5px 10px}
 .e pre{font:11px/1.4 ui-monospace,"DejaVu Sans Mono",monospace;white-space:pre-wrap;margin:6px 0 0;
 max-height:180px;overflow:auto}
-div:has(>div>.mantine-Button-root[data-block]){display:grid;grid-template-columns:repeat(2,minmax(0,1fr))}
-div:has(>div>.mantine-Button-root[data-block])>div:not(:has(>.mantine-Button-root)){grid-column:1/-1}
-div:nth-child(odd of :has(>.mantine-Button-root[data-block])){margin-right:3px!important}
-div:nth-child(even of :has(>.mantine-Button-root[data-block])){margin-left:3px!important}
+[data-halves]{display:grid;grid-template-columns:repeat(2,minmax(0,1fr))}
+[data-halves]>div:not([data-half]){grid-column:1/-1}
+[data-half]:nth-child(odd of [data-half]){margin-right:3px!important}
+[data-half]:nth-child(even of [data-half]){margin-left:3px!important}
 .mantine-Button-root{padding-inline:4px!important}.mantine-Button-label{font-size:13px}
-.mantine-ScrollArea-content:has(.mantine-ScrollArea-root){padding-right:9px}
+[data-scrolls]{padding-right:9px}
 label{letter-spacing:0!important}
 #scene-legend{position:fixed;z-index:5;pointer-events:none}
 .e .maplegend{display:inline-block;background:color-mix(in srgb,var(--card) 85%,transparent);
 border:1px solid var(--rule);border-radius:6px;padding:5px 4px 4px 12px;max-width:560px;
 line-height:1.35}
-.mantine-Flex-root>div:has(>p>label){width:7.4em!important}
-p:has(>label){overflow-wrap:break-word!important}p:has(>label) wbr{display:none}
+[data-labelled]{width:7.4em!important}
+[data-label]{overflow-wrap:break-word!important}[data-label] wbr{display:none}
 @media(max-height:800px){.e .about{display:-webkit-box;-webkit-line-clamp:2;
 -webkit-box-orient:vertical;overflow:hidden}}
 @media(max-height:800px) and (min-width:48em){img[src^="blob:"]{
 max-height:calc(50vh - 115px)!important;width:auto!important;display:block;margin:0 auto}}
 [role=tab]{padding-inline:7px!important}
-.mantine-Flex-root:has(>.mantine-NumberInput-root:nth-child(3)) .mantine-NumberInput-section{
-display:none}
-.mantine-Flex-root:has(>.mantine-NumberInput-root:nth-child(3)) input{padding:0 .4em!important}
+[data-triple] .mantine-NumberInput-section{display:none}
+[data-triple] input{padding:0 .4em!important}
 @media(max-width:36em){.mantine-Paper-root[style*="bottom: 0px"][style*="width: 20em"],
 .mantine-Paper-root[style*="bottom: 0px"] div[style*="width: 20em"]{width:100%!important}}
 .u-legend{font-size:11px!important;margin:0!important}.u-title{font-size:12px!important;font-weight:600}
