@@ -1,14 +1,19 @@
 """Partial features: what the filter does not know yet is carried by particles.
 
 A particle lam_k with weight w_k predicts h_k + b_k with S_k = B_k + R. A match z reweights them,
-w_k <- w_k N(z; h_k + b_k, S_k), without touching the state; what has become improbable is pruned.
+w_k <- w_k N(z; h_k + b_k, S_k), without touching the state.
 
 b_k with covariance B_k is the error that all measurements of the feature have in common: that of
 its first view, and of the way since. It begins as 0 with E_k = H_k P H_k' and grows by what E_k
 grows; given lam_k, a match tells it too,
     K = B_k S_k^-1,  b_k <- b_k + K nu,  B_k <- B_k - K S_k K'.
 With 0 and E_k in every frame, as in SceneLib, N measurements that repeat one error pass for N
-independent ones. Once the particles have collapsed the feature becomes a complete one: `settle`.
+independent ones.
+
+b_k is told in the axes of the sensor: a robot that turns meets another part of the error of its
+way, of which b_k says nothing. So what can not be undone is decided by the first view and one match
+alone, by N(z; h_k, E_k + R): the gate, which particles are pruned, and when the feature becomes a
+complete one (`settle`). A range ring forgot the right one of two mirror images otherwise.
 
 Source: Davison, *Real-Time Simultaneous Localisation and Mapping with a Single Camera*, ICCV 2003,
 section 4; SceneLib 1.0's numbers. The common error is the bias of Friedland, *Treatment of bias in
@@ -145,7 +150,7 @@ def nearest(world: World, mount: str, matches: Sequence[Match]) -> dict[Label, f
     out: dict[Label, float] = {}
     for group in groups(world, list(found)):
         hyp = hypotheses(world, at, group)
-        nu, S = _against(at, hyp, [found[label] for label in group.labels])
+        nu, S = _unlearnt(hyp, *_against(at, hyp, [found[label] for label in group.labels]))
         d2 = np.where(hyp.w > 0.0, _squared(nu, S), np.inf).min(axis=1)
         out |= dict(zip(group.labels, d2.tolist(), strict=True))
     return out
@@ -154,38 +159,64 @@ def nearest(world: World, mount: str, matches: Sequence[Match]) -> dict[Label, f
 def reweighted(world: World, mount: str, matches: Sequence[Match]) -> dict[Label, Feature]:
     """The partial features among the matches, with the particles that agree with them.
 
-    Weights below the part of the average that the model names are dropped.
+    Those are dropped that one match alone makes less probable than the part of the average that the
+    model names.
     """
     at = sensor_state(world, mount)
     found = {m.label: m for m in matches if m.z is not None}
     out: dict[Label, Feature] = {}
     for group in groups(world, list(found)):
         hyp = hypotheses(world, at, group)
-        every = _against(at, hyp, [found[label] for label in group.labels])
-        for i, label in enumerate(group.labels):
-            cloud = group.particles[i]
+        nu, S = _against(at, hyp, [found[label] for label in group.labels])
+        single, every = _log_likelihoods(*_unlearnt(hyp, nu, S)), _log_likelihoods(nu, S)
+        for i, (label, cloud) in enumerate(zip(group.labels, group.particles, strict=True)):
             K = len(cloud.w)
-            nu, S, B = every[0][i, :K], every[1][i, :K], hyp.B[i, :K]
-            log_w = np.log(np.maximum(cloud.w, 1e-300)) - 0.5 * (
-                _squared(nu, S) + np.linalg.slogdet(S)[1]
-            )
+            once = np.exp(single[i, :K])
+            keep = once >= group.model.prune * once.mean()
+            log_w = (np.log(np.maximum(cloud.w, 1e-300)) + every[i, :K])[keep]
             w = np.exp(log_w - log_w.max())
-            keep = w >= group.model.prune * w.mean()
-            w = w[keep] / w[keep].sum()
-            gain = B @ np.linalg.inv(S)
-            b = hyp.b[i, :K] + (gain @ nu[..., None])[..., 0]
-            B = B - gain @ S @ np.swapaxes(gain, -1, -2)
-            learnt = _kept(Learnt(b, B, hyp.E[i, :K]), keep)
+            learnt = _kept(_taught(hyp, i, nu[i, :K], S[i, :K]), keep)
             feature = world.features[label]
             out[label] = replace(
                 feature,
-                particles=Particles(frozen(cloud.lam[keep]), frozen(w)),
+                particles=Particles(frozen(cloud.lam[keep]), frozen(w / w.sum())),
                 learnt={
                     **{name: _kept(past, keep) for name, past in feature.learnt.items()},
                     mount: learnt,
                 },
             )
     return out
+
+
+def alone(world: World, mount: str, match: Match) -> tuple[Particles, Vec]:
+    """The particles of a feature, weighted by nothing but its first view and a match, and what the
+    match is off the prediction of each (K, m)."""
+    group = groups(world, [match.label])[0]
+    at = sensor_state(world, mount)
+    hyp = hypotheses(world, at, group)
+    nu, S = _unlearnt(hyp, *_against(at, hyp, [match]))
+    w = np.exp(_log_likelihoods(nu, S)[0])
+    return Particles(group.particles[0].lam, frozen(w / w.sum())), nu[0]
+
+
+def _unlearnt(hyp: Hypotheses, nu: Vec, S: Mat) -> tuple[Vec, Mat]:
+    """nu and S without what the measurements before have taught."""
+    return nu + hyp.b, S - hyp.B + hyp.E
+
+
+def _taught(hyp: Hypotheses, i: int, nu: Vec, S: Mat) -> Learnt:
+    """b_k and B_k of the i-th feature after a match."""
+    K = len(nu)
+    B = hyp.B[i, :K]
+    gain = B @ np.linalg.inv(S)
+    b = hyp.b[i, :K] + (gain @ nu[..., None])[..., 0]
+    return Learnt(b, B - gain @ S @ np.swapaxes(gain, -1, -2), hyp.E[i, :K])
+
+
+def _log_likelihoods(nu: Vec, S: Mat) -> Vec:
+    """log N(nu; 0, S) (N, K) against the largest of each feature."""
+    log = -0.5 * (_squared(nu, S) + np.linalg.slogdet(S)[1])
+    return log - log.max(axis=1, keepdims=True)
 
 
 def _against(at: SensorState, hyp: Hypotheses, matches: Sequence[Match]) -> tuple[Vec, Mat]:

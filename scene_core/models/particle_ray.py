@@ -7,6 +7,7 @@ X = (rho r + u, rho), which reaches infinity and is regular there.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Literal
 
@@ -26,8 +27,8 @@ from scene_core.models.base import (
 )
 from scene_core.models.euclidean import with_w
 from scene_core.models.ordered import demand_order
-from scene_core.models.ray_point import first_view
-from scene_core.params import param
+from scene_core.models.ray_point import RayPoint, first_view
+from scene_core.params import ParamError, param
 
 
 @dataclass(frozen=True)
@@ -35,8 +36,10 @@ class ParticleRay(FeatureModel):
     """y = (r, u) with particles over the depth or the inverse depth; see the module.
 
     The particles start uniform: lam_i = min + (max - min) i / n, or rho_i from 1 / min to 0. When
-    their standard deviation falls below `ratio` of their mean the point is
-    p = r + lam u or r + u / rho.
+    their standard deviation falls below `ratio` of their mean the point is (r, u, rho), Gaussian
+    in rho = 1 / lam, and becomes p = r + u / rho when that is linear. As p from the start, as in
+    SceneLib, it is over-confident: linear in p is only what is known to a tenth of its depth, and
+    after that the circle in the cloister still has a NEES of 9.9 for 6 (20 seeds).
 
     Source: Davison, ICCV 2003, section 4; SceneLib 1.0's numbers (100 particles from 0.5 to 5 m).
     """
@@ -71,11 +74,23 @@ class ParticleRay(FeatureModel):
         20, lo=2, hi=1000, soft=(5, 100), label="Particles, min", below="particles"
     )
     """With fewer left it is given up: their spread would be that of the grid."""
-    ratio: float = param(0.3, lo=1e-3, hi=1.0, soft=(0.05, 0.5), label="Spread, max")
+    ratio: float = param(0.3, lo=1e-3, hi=1.0, soft=(0.05, 0.4), label="Spread, max")
     """Converted when the standard deviation of the particles is below this part of their mean."""
 
     def __post_init__(self) -> None:
         demand_order(self)
+        mean, var = self.moments(self.particles0())
+        spread = float(np.sqrt(var[0, 0]) / mean[0])
+        if not self.ratio < spread:
+            raise ParamError(
+                f"'{self.name}': ratio = {self.ratio:g} is not below {spread:.3f}, the spread of "
+                f"new particles, which would settle at once: give ratio from 0.001 to below "
+                f"{spread:.3f}"
+            )
+
+    @abstractmethod
+    def successor(self) -> RayPoint:
+        """What it becomes."""
 
     @property
     def free_labels(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -166,34 +181,24 @@ class ParticleRay(FeatureModel):
             lam = np.linspace(1.0 / near, 0.0, n)
         return Particles(frozen(lam[:, None]), frozen(np.full(n, 1.0 / n)))
 
-    def moments(self, particles: Particles) -> tuple[Vec, Mat]:
-        """Mean and variance of the depth; of particles in inverse depth told as rho = 1 / mean.
-
-        A spread of 0.3 in rho is skewed in depth by as much as a third of its own: with 1 / rho for
-        the mean the map comes out too small. While some reach infinity it is the mean of rho.
-        """
-        rho, w = particles.lam[:, 0], particles.w
-        if self.uniform_in == "depth" or rho.min() <= 1e-9:
-            return FeatureModel.moments(self, particles)
-        mean = w @ (1.0 / rho)
-        var = w @ (1.0 / rho - mean) ** 2
-        return np.array([1.0 / mean]), np.array([[var / mean**4]])
-
     def spent(self, particles: Particles) -> bool:
         return len(particles.w) < self.min_particles
 
     def settled(self, y: Vec, particles: Particles) -> bool:
-        """Their spread is below `ratio` of their mean, in depth."""
+        """Their spread is below `ratio` of their mean."""
         mean, var = self.moments(particles)
         return not self.spent(particles) and bool(np.sqrt(var[0, 0]) < self.ratio * mean[0])
 
     def settle(self, y: Vec, lam: Vec) -> Settled:
-        d = self.space.d
-        r, u = y[..., :d], y[..., d:]
-        in_depth = self.uniform_in == "depth"
-        depth = lam if in_depth else 1.0 / np.maximum(lam, 1e-9)
-        by_y = np.zeros((*np.broadcast_shapes(r.shape, depth.shape), 2 * d))
+        """(r, c(u), rho): no more of an approximation than that lam becomes a Gaussian."""
+        d, in_depth = self.space.d, self.uniform_in == "depth"
+        y, lam = np.broadcast_arrays(y, lam[..., :1])
+        c, by_u = self.successor().coordinates(y[..., d:])
+        rho = 1.0 / lam[..., :1] if in_depth else lam[..., :1]
+        value = np.concatenate([y[..., :d], c, rho], axis=-1)
+        by_y = np.zeros((*value.shape, 2 * d))
         by_y[..., range(d), range(d)] = 1.0
-        by_y[..., range(d), range(d, 2 * d)] = depth
-        by_lam = u if in_depth else -(depth**2) * u
-        return Settled(r + depth * u, by_y, by_lam[..., None])
+        by_y[..., d:-1, d:] = by_u
+        by_lam = np.zeros((*value.shape, 1))
+        by_lam[..., -1, :] = -(rho**2) if in_depth else 1.0
+        return Settled(value, by_y, by_lam)

@@ -35,14 +35,10 @@ CENTRE = (0.0, 0.0, 0.0)
 
 
 def particles() -> Experiment:
-    """Davison's partially initialised features, uniform in inverse depth, in the toolbox's world.
-
-    A spread of 0.3, SceneLib's, is too curved in an image for a Gaussian point when the way is
-    known no better than from odometry.
-    """
+    """Davison's partially initialised features in the toolbox's world."""
     ray = RayWithParticles(
         uniform_in="inverse depth", min_depth=1.0, max_depth=20.0, particles=800,
-        min_particles=10, ratio=0.1,
+        min_particles=10,
     )  # fmt: skip
     start = replace(cloister(), name="particles", about=ABOUT["particles"])
     return params.put(start, "estimator.policies.landmark", ray)
@@ -52,7 +48,6 @@ def ranges() -> Experiment:
     """Range-only SLAM: round a square among beacons that say who they are."""
     corners = ((3.0, 2.4), (3.0, -2.4), (-3.0, -2.4), (-3.0, 2.4))
     start = {"z": 3.0, "x": 2.4, "phi": -math.pi / 2}
-    # A heading that strays much before the first turn takes one arc for its mirror image.
     motion = PlanarOdometry(rot_per_metre=0.02, trans_per_metre=0.05)
     policies = identified(PlanarRangeRing(), 20, new=2, features=60, update="iterated")
     # A beacon stays a ring of two arcs for a whole side of the square.
@@ -97,18 +92,7 @@ def cooperation() -> Experiment:
 
 
 SCENARIOS: Mapping[str, Scenario] = {
-    "particles": Scenario(
-        particles,
-        reason="the particles of a landmark learn its depth from the same poses that the "
-        "filter corrects, and the point they settle on is correlated with those poses only as "
-        "far as the particles kept account of it; the same run with inverse depth is nearer "
-        "to its band.",
-    ),
-    "ranges": Scenario(
-        ranges,
-        reason="in some runs a ring of particles settles on the mirror image of its landmark "
-        "before the robot has turned enough; the point is then rejected ten times and given "
-        "up, but what was accepted of it stays in the robot's pose.",
-    ),
+    "particles": Scenario(particles),
+    "ranges": Scenario(ranges),
     "cooperation": Scenario(cooperation),
 }

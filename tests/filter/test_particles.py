@@ -17,11 +17,13 @@ from scene_core.filter.gaussian import Gaussian, dense
 from scene_core.filter.groups import groups
 from scene_core.filter.manage import convert_ready, delete_failing
 from scene_core.filter.observe import observe, residual, sensor_state
-from scene_core.filter.particles import hypotheses, nearest, open_predictions, reweighted
+from scene_core.filter.particles import alone, hypotheses, nearest, open_predictions, reweighted
 from scene_core.filter.ports import Detection, Match
-from scene_core.filter.settle import WIDER, placed, settled
+from scene_core.filter.settle import CURVED, WIDER, curvature, placed, settled
 from scene_core.filter.world import Feature, World
 from scene_core.models.base import Particles
+from scene_core.models.features.anchored_homogeneous import AnchoredHomogeneous
+from scene_core.models.features.range_ring_2d import PlanarRangeRing
 from scene_core.models.features.ray_particles import RayWithParticles
 from tests.filter.worlds import camera_world, management
 
@@ -112,10 +114,10 @@ def test_matches_are_held_against_all_particles_at_once_each_by_its_own_noise() 
     ]
     d2 = nearest(world, "eye", found)
     for one in found:
-        hyp = hypotheses(world, sensor_state(world, "eye"), groups(world, [one.label])[0])
+        h, E = textbook(world, one.label)
         assert one.z is not None
-        R = world.mounts["eye"].sensor.R(hyp.h[0]) if one.R is None else one.R
-        S, nu = hyp.B[0] + R, one.z - hyp.h[0]
+        R = world.mounts["eye"].sensor.R(h) if one.R is None else one.R
+        S, nu = E + R, one.z - h
         each = [n @ np.linalg.inv(s) @ n for n, s in zip(nu, S, strict=True)]
         assert d2[one.label] == pytest.approx(min(each), rel=1e-9)
     verdicts = judged(world, "eye", predictions(world, "eye"), found)
@@ -204,13 +206,15 @@ def test_settling_is_a_change_of_state_and_a_dense_textbook_update() -> None:
     world = collapsed(world, label, 2.0, 0.1)
     z = seen(world, label, 2.02) + np.array([0.2, 0.1])
     after, events = convert_ready(world, "eye", [match(label, z)])
-    assert [e.kind for e in events] == ["converted"] and "Euclidean point" in events[0].text
-    alone = settled(world, "eye", match(label, z))
-    assert alone is not None
-    np.testing.assert_array_equal(after.gauss.x, alone.gauss.x)
+    assert [e.kind for e in events] == ["converted"]
+    assert "anchored homogeneous" in events[0].text
+    by_itself = settled(world, "eye", match(label, z))
+    assert by_itself is not None
+    np.testing.assert_array_equal(after.gauss.x, by_itself.gauss.x)
     f = after.features[label]
-    assert f.particles is None and f.model.successor() is None and not f.learnt
-    prior = placed(world.gauss, world.features[label], WIDER)
+    assert f.particles is None and isinstance(f.model, AnchoredHomogeneous) and not f.learnt
+    told, _ = alone(world, "eye", match(label, z))
+    prior = placed(world.gauss, replace(world.features[label], particles=told), WIDER)
     there = replace(world, gauss=prior, features={**world.features, label: f})
     at = sensor_state(there, "eye")
     found = residual(at, observe(at, groups(there, [label])[0], prior.x), z[None])
@@ -218,8 +222,11 @@ def test_settling_is_a_change_of_state_and_a_dense_textbook_update() -> None:
     K = prior.P @ H.T @ np.linalg.inv(H @ prior.P @ H.T + found.R[0])
     expected = prior.P - K @ H @ prior.P
     own = after.gauss.layout[f.block].slice
-    np.testing.assert_allclose(after.gauss.P[own, own], expected[own, own], rtol=1e-6, atol=1e-10)
-    np.testing.assert_allclose(after.gauss.x[own], (prior.x + K @ found.nu[0])[own], rtol=1e-9)
+    unit = f.model.normalise((prior.x + K @ found.nu[0])[own])
+    assert unit.jacobian is not None
+    P = unit.jacobian @ expected[own, own] @ unit.jacobian.T
+    np.testing.assert_allclose(after.gauss.P[own, own], P, rtol=1e-6, atol=1e-10)
+    np.testing.assert_allclose(after.gauss.x[own], unit.value, rtol=1e-9)
 
 
 def test_a_cloud_that_does_not_collapse_is_given_up_with_the_reason() -> None:
@@ -299,5 +306,37 @@ def test_features_of_several_kinds_are_converted_in_one_frame() -> None:
     found = [match(one, seen(world, one, 2.0)) for one in (label, other)]
     after, events = convert_ready(world, "eye", found)
     assert [e.label for e in events] == [label, other]
-    assert after.features[label].model.successor() is None
-    assert after.features[other].model.successor() is None
+    assert isinstance(after.features[label].model, AnchoredHomogeneous)
+    assert isinstance(after.features[other].model, AnchoredHomogeneous)
+
+
+def test_what_was_learnt_before_decides_nothing_that_can_not_be_undone() -> None:
+    """A wrong common error, as after a turn, changes weights, but not who is pruned."""
+    world, label = open_world()
+    z = seen(world, label, 2.0)
+    after = reweighted(world, "eye", [match(label, z)])[label]
+    past = after.learnt["eye"]
+    wrong = replace(after, learnt={"eye": replace(past, b=frozen(past.b + 40.0))})
+    world = replace(world, features={**world.features, label: after})
+    misled = replace(world, features={**world.features, label: wrong})
+    clouds = [cloud(reweighted(w, "eye", [match(label, z)])[label]) for w in (world, misled)]
+    np.testing.assert_array_equal(clouds[0].lam, clouds[1].lam)
+    assert not np.allclose(clouds[0].w, clouds[1].w, rtol=1e-3)
+    assert nearest(misled, "eye", [match(label, z)]) == pytest.approx(
+        nearest(world, "eye", [match(label, z)])
+    )
+
+
+@pytest.mark.parametrize("aside", [0.5, 2.2, 5.0])
+def test_mirror_images_in_one_cloud_are_curved(aside: float) -> None:
+    """Ranges seen from ahead fall with b^2: with b = N(+-aside, 1) sd on both sides of the way
+    nothing is linear; on one side, N(aside, 1), curved / linear = 1 / (2 aside^2)."""
+    ring, sd = PlanarRangeRing(), 0.01
+    b = sd * np.linspace(-10.0, 10.0, 401)
+    one = np.exp(-0.5 * (b / sd - aside) ** 2)
+    both = one + one[::-1]
+    for w, share in ((one, 0.5 / aside**2), (both, np.inf)):
+        told = Particles(b[:, None], w / w.sum())
+        found = curvature(ring, told, (b**2)[:, None])
+        assert (found > 1e6) if np.isinf(share) else found == pytest.approx(share, rel=1e-3)
+    assert 0.5 / 2.2**2 == pytest.approx(CURVED, rel=0.05)

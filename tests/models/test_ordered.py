@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import numpy as np
 import pytest
 
 from scene_core import params
@@ -60,3 +61,11 @@ def test_as_many_particles_as_have_to_stay_are_enough_and_a_reach_of_nothing_is_
     assert PlanarRangeRing(particles=30, min_particles=30).particles == 30
     with pytest.raises(ParamError, match="reach_min = 8 m is not below reach_max = 8 m"):
         DepthCamera(reach_min=8.0, reach_max=8.0)
+
+
+@pytest.mark.parametrize(("uniform_in", "spread"), [("depth", "0.476"), ("inverse depth", "0.583")])
+def test_a_spread_at_which_new_particles_settle_is_refused(uniform_in, spread):
+    ray = RayWithParticles(uniform_in=uniform_in, ratio=0.4)
+    assert not ray.settled(np.zeros(6), ray.particles0())
+    with pytest.raises(ParamError, match=f"ratio = 0.6 is not below {spread}.*settle at once"):
+        params.replace(ray, "ratio", 0.6)

@@ -31,7 +31,8 @@ class PlanarRangeRing(FeatureModel):
 
     y = (z0, x0, r) [m]; particles carry the bearing b [rad] in the world, from z towards x. Driven
     past in a straight line two of them fit, on either side of it; a turn tells them apart. Once
-    what is left is one arc of a standard deviation below `ratio` radians it is a 2-D point.
+    what is left is one arc of a standard deviation below `ratio` radians, all of it on one side, it
+    is a 2-D point.
 
     Source: Blanco, Fernandez-Madrigal, Gonzalez, *Efficient Probabilistic Range-Only SLAM*, IROS
     2008; Davison, ICCV 2003, section 4, for the particles.
@@ -44,8 +45,8 @@ class PlanarRangeRing(FeatureModel):
     free_labels = ("bearing",)
     free_units = ("rad",)
     unmeasured = ("bearing",)
-    # Of right mirror images as many as this part at most fall so low by chance at some time before
-    # the turn (Ville's inequality); at 0.05, of eight rings one would.
+    # A right mirror image falls so low by chance in at most one match of 50,000: of those of eight
+    # rings that wait for 200 matches each 3 % at most are lost; at 0.05 all would be.
     prune = 1e-4
 
     particles: int = param(

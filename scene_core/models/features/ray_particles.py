@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from scene_core.geometry.spaces import THREE_D
-from scene_core.models.base import FeatureModel
-from scene_core.models.features.point_3d import EuclideanPoint
+from scene_core.models.features.anchored_homogeneous import AnchoredHomogeneous
 from scene_core.models.particle_ray import ParticleRay
+from scene_core.models.ray_point import RayPoint
 
 
 @dataclass(frozen=True)
@@ -15,7 +15,7 @@ class RayWithParticles(ParticleRay):
     """Davison's partially initialised feature: X = (r + lam u, 1), or (rho r + u, rho)
 
     y = (rx, ry, rz, ux, uy, uz) [m, 1], |u| = 1; particles carry lam [m] or rho [1/m] until it is
-    a Euclidean point.
+    an anchored homogeneous point (r, u, rho).
 
     Source: Davison, *Real-Time Simultaneous Localisation and Mapping with a Single Camera*, ICCV
     2003, section 4.
@@ -26,5 +26,5 @@ class RayWithParticles(ParticleRay):
     state_labels = ("rx", "ry", "rz", "ux", "uy", "uz")
     state_units = ("m", "m", "m", "", "", "")
 
-    def successor(self) -> FeatureModel:
-        return EuclideanPoint()
+    def successor(self) -> RayPoint:
+        return AnchoredHomogeneous()
