@@ -25,6 +25,8 @@ COUNT = 12
 """Rows that batched functions are tried with."""
 DRAWS = 1500
 """Draws that a noise is judged by."""
+DT = 0.05
+"""[s] The one interval that motion models are tried with."""
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from scene_core.geometry.spaces import relative
 from scene_core.models.base import MotionModel, Transition
 from scene_core.models.judge import (
     DRAWS,
+    DT,
     Law,
     angles_of,
     awkward_states,
@@ -27,8 +28,6 @@ from scene_core.models.judge import (
     tried,
 )
 from scene_core.models.laws_navigation import not_navigating, not_resting
-
-DT = 0.05
 
 
 @dataclass(frozen=True)

@@ -8,20 +8,19 @@ import numpy as np
 
 from scene_core.arrays import Vec
 from scene_core.models.base import MotionModel
-from scene_core.models.judge import first, not_shaped
+from scene_core.models.judge import DT, first, not_shaped
 
-DT = 0.1
 TRIES = 40
 """Random controls that may lead to a goal, each component of a size of its own."""
 SIZES = (-2.5, 0.0)
 """Powers of ten between which these sizes are."""
-PUSHED = 60
+PUSHED = 120
 """Steps for which they are held."""
 FAR = 0.8
 """[m] A goal is about this far away, if the controls lead so far."""
-PATIENCE = 1000
+PATIENCE = 2000
 """Steps to a goal."""
-REST = 300
+REST = 600
 """Steps to rest."""
 
 
