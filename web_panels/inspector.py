@@ -16,6 +16,7 @@ from scene_core.filter.records import Association, Predictions, Trace
 from scene_core.filter.world import Feature, World
 from scene_core.models.base import Sensor
 from scene_core.session.published import Published
+from web_panels.delete_feature import DeleteSelected
 from web_panels.inspector_maths import equation, jacobian, state_table
 from web_panels.inspector_more import line_rows, particles_card, row
 from web_panels.marks import matches, verdicts
@@ -46,8 +47,10 @@ class Inspector:
 
     def build(self, server: viser.ViserServer, post: Post) -> None:
         self.html = server.gui.add_html(NOTHING)
+        self.delete = DeleteSelected(server.gui, post)
 
     def render(self, p: Published) -> None:
+        self.delete.render(p)
         trace = p.trace
         if trace is None:
             self._key = self._trace = None
