@@ -24,7 +24,7 @@ class PluckerLine(StraightLine):
     Over-confident from a first view, as "homogeneous point" is and for the same reason: n is
     linearised at the prior's v, so it hardly depends on the error of t, and that stays forgotten
     when |v| grows to what it is: NEES 233 round the house (3 seeds, 400 frames) for 6.5 with an
-    anchor. The toolbox has 51 with its choices; so chosen it is 41 here (4 seeds, from 36 to 57):
+    anchor. The toolbox has 51 with its choices; so chosen it is 41 here (4 seeds, from 23 to 57):
     segments that do not grow (`extend_lines` off: 85 by that alone), its prior of v, and no
     constraint. The longer a line is seen, the more that was forgotten counts as known. The
     constraint by itself is not to blame (as bad without it), nor the order of updates (90
