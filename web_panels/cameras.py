@@ -26,7 +26,7 @@ SAVE_AFTER_S = 0.5
 NARROWEST = 0.4
 """No view backs away farther than for a canvas of this aspect."""
 ORBIT_RATE = math.radians(12.0)
-CLOSE, FAR = 1.06, 1.45
+CLOSE, FAR = 1.06, 1.25
 """Of how far away all of the map is just in sight. One stands close to a simulated place, whose
 walls say where one is, and farther from a cloud of points."""
 _last_places = partial(deque[Vec], maxlen=6)

@@ -30,9 +30,16 @@ let d=document.getElementById(id);if(!m)return;if(!d){d=document.createElement('
 document.body.appendChild(d);const place=()=>{const c=window.__viserMutable&&
 window.__viserMutable.canvas;if(!c)return;const r=c.getBoundingClientRect();
 const narrow=window.innerWidth<700;d.style.left=r.left+'px';d.style.width=r.width+'px';
-d.style.top=narrow?'6px':'auto';d.style.bottom=narrow?'auto':(window.innerHeight-r.bottom+10)+'px'};
+d.style.top=narrow?'6px':'auto';d.style.bottom=narrow?'auto':(window.innerHeight-r.bottom+10)+'px';
+const s=narrow&&document.querySelector('.mantine-Paper-root[style*="bottom: 0px"]');
+const up=s?Math.round((r.bottom-s.getBoundingClientRect().top-d.offsetHeight)/2):0;
+const v=window.__viserMutable.camera,on=v.view&&v.view.enabled?v.view.offsetY:0;
+if(up>0&&(up!==on||v.view.fullHeight!==r.height))v.setViewOffset(r.width,r.height,0,up,r.width,
+r.height);else if(up<=0&&on)v.clearViewOffset();else return;
+window.__viserMutable.requestRender()};
 setInterval(place,300);place()}d.innerHTML=m.innerHTML})()"""
-"""Copies the legend over the middle of the 3-D canvas, wherever the panels leave it."""
+"""Copies the legend over the middle of the 3-D canvas, wherever the panels leave it. On a phone the
+panels lie over the canvas: the map is moved up to what they leave of it."""
 
 
 def confidence_words(look: Look, d: int) -> str:

@@ -148,6 +148,20 @@ def test_what_the_style_sheet_is_about_is_marked_as_soon_as_it_comes(
     assert button is not None and button["width"] < 160, "two buttons beside each other"
 
 
+def test_a_phone_shows_the_map_above_its_panels(site: Site, shown: Page) -> None:
+    moved_up = "(() => { const v = __viserMutable.camera.view;"
+    moved_up += " return v && v.enabled ? v.offsetY : 0; })()"
+    assert shown.evaluate(moved_up) == 0
+    shown.set_viewport_size({"width": 400, "height": 800})
+    shown.wait_for_function(f"{moved_up} > 100", timeout=15_000)
+    sheet = shown.locator('.mantine-Paper-root[style*="bottom: 0px"]').bounding_box()
+    assert sheet is not None
+    middle = 0.5 * 800 - shown.evaluate(moved_up)
+    assert 0 < middle < sheet["y"]
+    shown.set_viewport_size({"width": 1280, "height": 800})
+    shown.wait_for_function(f"{moved_up} === 0", timeout=15_000)
+
+
 def test_another_scenario_keeps_the_panels_where_they_are(site: Site, shown: Page) -> None:
     """Its sensor has another kind of picture; `page` fails on complaints in the console."""
     picture = shown.locator('img[src^="blob:"]').first
@@ -331,7 +345,7 @@ def test_a_reload_keeps_run_selection_and_camera(site: Site, shown: Page) -> Non
 
     def restored() -> bool:
         clients = list(site.view.server.get_clients().values())
-        return len(clients) == 1 and np.linalg.norm(clients[0].camera.position - kept) < 0.1
+        return len(clients) == 1 and float(np.linalg.norm(clients[0].camera.position - kept)) < 0.1
 
     assert wait(restored), [c.camera.position for c in site.view.server.get_clients().values()]
     assert (site.latest.run, site.latest.selected, frame(site)) == (run, label, FRAMES - 1)
