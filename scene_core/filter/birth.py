@@ -16,7 +16,7 @@ from scene_core.filter.gaussian import augment
 from scene_core.filter.observe import SensorState, sensor_state
 from scene_core.filter.ports import Detection, Frame, Image, Occupied, Source
 from scene_core.filter.records import Event, Predictions
-from scene_core.filter.world import Feature, World
+from scene_core.filter.world import Feature, Label, World
 from scene_core.models import segments
 from scene_core.models.base import Fault, FeatureModel, Sensor, Shape, completed
 from scene_core.models.registry import compatible
@@ -177,7 +177,19 @@ def initialise_at(
         at = "a corner" if isinstance(frame.raw.get(mount), Image) else "a measurement"
         text = f"no feature started: there is nothing to recognise here; point at {at}"
         return world, Event(world.frame, "info", text)
+    there = _mapped_as(world, detection)
+    if there is not None:
+        text = f"no feature started: this is feature {there} already; click it to select it"
+        return world, Event(world.frame, "info", text)
     return initialise(world, mount, detection)
+
+
+def _mapped_as(world: World, detection: Detection) -> Label | None:
+    """The feature that has the identity of a detection: none is mapped twice."""
+    if not isinstance(detection.appearance, int | np.integer):
+        return None
+    alike = (f for f in world.features.values() if f.model.shape == detection.shape)
+    return next((f.label for f in alike if f.appearance == detection.appearance), None)
 
 
 def end_rays(at: SensorState, z: Vec) -> Vec:

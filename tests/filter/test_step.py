@@ -189,6 +189,8 @@ def test_a_click_starts_a_feature_or_says_why_not() -> None:
     click = ToySource(clicks=(Detection(np.array([10.0, 10.0]), 9),))
     more, event = initialise_at(world, frame, click, "eye", (10.0, 10.0))
     assert len(more.features) == 2 and event.kind == "born"
+    same, event = initialise_at(more, frame, click, "eye", (10.0, 10.0))
+    assert same is more and event.text.startswith("no feature started: this is feature 2 already")
     full = management(world, max_features=1)
     same, event = initialise_at(full, frame, click, "eye", (10.0, 10.0))
     assert same is full and "map is full" in event.text
