@@ -62,6 +62,15 @@ def straight_to(at: Vec, goal: Vec, speed: float, arrive: float, dt: float) -> V
     return way / distance * min(speed, distance / dt)
 
 
+def turn_to(xp: Vec, goal: Vec, rate: float, near: float, dt: float) -> Vec:
+    """Rotation vector (3,) [rad] in the body: a turn about its own z, at most at `rate` [rad/s]
+    over dt, that brings its x to where `goal` (3,) [m] is, above or below; none to a goal that is
+    within `near` [m] of its z."""
+    x, y, _ = quaternion.rotate_back(xp[3:POSE_SIZE], goal - xp[:3]).v
+    angle = 0.0 if np.hypot(x, y) <= near else float(np.arctan2(y, x))
+    return np.array([0.0, 0.0, np.clip(angle, -rate * dt, rate * dt)])
+
+
 def redefine(xv: Vec, xpdef: Vec, in_world: Sequence[int] = ()) -> Redefined:
     """xv in axes whose origin is the pose xpdef (7,); `in_world` are the first rows of the vectors
     given in the world, all else belongs to the body."""

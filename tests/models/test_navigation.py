@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
+from scene_core.geometry import quaternion
 from scene_core.models import registry
 from scene_core.models.motion.ackermann import PlanarAckermann
+from scene_core.models.motion.body_rates import BodyRates
 from scene_core.models.motion.double import Double
 from scene_core.models.motion.inertial import Inertial
+from scene_core.models.motion.odometry_3d import Odometry3D
 from scene_core.models.motion.unicycle import PlanarUnicycle
 from scene_core.sources.drivers import Waypoints
 
@@ -70,6 +73,29 @@ def test_a_body_in_the_air_brakes_without_swinging_however_long_a_step_is(dt):
         xv = model.f(xv, model.stay(xv, dt), dt, model.calib0).fv
         x.append(xv[7])
     assert np.all(np.diff(x) <= 1e-12) and x[-1] >= -1e-12
+
+
+@pytest.mark.parametrize("cls", [Odometry3D, BodyRates, Inertial])
+def test_a_body_turns_to_where_it_goes_in_one_line_and_stays_level(cls):
+    goal, model = np.array([-2.0, 3.0, 0.5]), cls()
+    xv = started(model)
+    line = goal / np.linalg.norm(goal)
+    while (u := model.navigate(xv, goal, DT)) is not None:
+        xv = moved(model, xv, u)
+        np.testing.assert_allclose(np.cross(line, xv[:3]), 0.0, atol=1e-9)
+    ahead, _, up = quaternion.matrix(xv[3:7]).T
+    np.testing.assert_allclose(up, [0, 0, 1], atol=1e-9)
+    assert ahead[:2] @ goal[:2] == pytest.approx(np.hypot(*goal[:2]))
+
+
+@pytest.mark.parametrize("cls", [Odometry3D, BodyRates, Inertial])
+def test_a_body_keeps_its_orientation_on_the_way_up_or_where_it_is_told_to(cls):
+    for model, goal in ((cls(), [0.05, -0.05, 2.0]), (cls(turn_rate=0.0), [-1.0, 2.0, 0.0])):
+        xv = started(model)
+        q = xv[3:7]
+        while (u := model.navigate(xv, np.array(goal), DT)) is not None:
+            xv = moved(model, xv, u)
+        np.testing.assert_allclose(xv[3:7], q, atol=1e-12)
 
 
 def test_one_of_two_waits_in_its_own_way():

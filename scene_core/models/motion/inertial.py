@@ -96,6 +96,9 @@ class Inertial(MotionModel):
     """Speed on the way to a waypoint."""
     max_accel: float = param(1.0, unit="m/s²", lo=0.01, hi=50.0, soft=(0.1, 5.0))
     """It accelerates and brakes at most this hard on the way to a waypoint."""
+    turn_rate: float = param(0.6, unit="rad/s", lo=0.0, hi=10.0, soft=(0.0, 2.0))
+    """It turns at most this fast about its own z to have its x ahead on the way to a waypoint; 0
+    where that is not its way: it keeps its orientation."""
     arrive: float = param(0.2, unit="m", lo=0.0, hi=5.0, soft=(0.02, 1.0), label="Arrival")
     """A waypoint counts as reached within this distance."""
 
@@ -153,19 +156,23 @@ class Inertial(MotionModel):
 
     def stay(self, xv: Vec, dt: float) -> Vec:
         """Brakes, and holds its own weight: the controls of a body that hovers."""
-        return self._pushed(xv, -xv[V], dt)
+        return self._pushed(xv, -xv[V], np.zeros(3), dt)
 
     def navigate(self, xv: Vec, goal: Vec, dt: float) -> Vec | None:
-        """Straight to `goal` (x, y, z) [m], hovering, with the orientation as it is."""
+        """Straight to `goal` (x, y, z) [m], hovering, turning to it on the way."""
         distance = float(np.linalg.norm(goal - xv[R]))
         speed = min(self.cruise, np.sqrt(self.max_accel * distance))
         v = free_body.straight_to(xv[R], goal, speed, self.arrive, dt)
-        return None if v is None else self._pushed(xv, v - xv[V], dt)
+        if v is None:
+            return None
+        turn = free_body.turn_to(xv[POSE], goal, self.turn_rate, self.arrive, dt)
+        return self._pushed(xv, v - xv[V], turn, dt)
 
-    def _pushed(self, xv: Vec, dv: Vec, dt: float) -> Vec:
+    def _pushed(self, xv: Vec, dv: Vec, turn: Vec, dt: float) -> Vec:
         """What is felt, biases and all, while the velocity goes to v + dv in TAU or as fast as it
-        may, and nothing turns."""
+        may, and the body turns by a rotation vector [rad] within dt."""
         rate = self.max_accel / max(float(np.linalg.norm(dv)), 1e-12)
         accel = dv * min(rate, 1.0 / max(TAU, dt))
-        force = quaternion.rotate_back(xv[Q_WR], accel - np.array(self.gravity))
-        return np.concatenate([force.v + xv[BA], xv[BG]])
+        half = free_body.turned(xv[Q_WR], turn / 2).q
+        force = quaternion.rotate_back(half, accel - np.array(self.gravity))
+        return np.concatenate([force.v + xv[BA], turn / dt + xv[BG]])

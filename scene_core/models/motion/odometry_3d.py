@@ -60,6 +60,9 @@ class Odometry3D(MotionModel):
     """Standard deviation of the rotation, per step, while nobody sends odometry."""
     cruise: float = param(0.5, unit="m/s", lo=0.01, hi=50.0, soft=(0.05, 2.0), label="Cruise")
     """Speed on the way to a waypoint."""
+    turn_rate: float = param(0.6, unit="rad/s", lo=0.0, hi=10.0, soft=(0.0, 2.0))
+    """It turns at most this fast about its own z to have its x ahead on the way to a waypoint; 0
+    where that is not its way: it keeps its orientation."""
     arrive: float = param(0.2, unit="m", lo=0.0, hi=5.0, soft=(0.02, 1.0), label="Arrival")
     """A waypoint counts as reached within this distance."""
 
@@ -92,8 +95,9 @@ class Odometry3D(MotionModel):
         return noisy_process(self, xv, u, dt, k, rng)
 
     def navigate(self, xv: Vec, goal: Vec, dt: float) -> Vec | None:
-        """Straight to `goal` (x, y, z) [m] with the orientation as it is."""
+        """Straight to `goal` (x, y, z) [m], turning to it on the way."""
         v = free_body.straight_to(xv[:3], goal, self.cruise, self.arrive, dt)
         if v is None:
             return None
-        return np.concatenate([quaternion.rotate_back(xv[3:], v * dt).v, np.zeros(3)])
+        turn = free_body.turn_to(xv, goal, self.turn_rate, self.arrive, dt)
+        return np.concatenate([quaternion.rotate_back(xv[3:], v * dt).v, turn])
