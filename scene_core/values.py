@@ -42,6 +42,7 @@ def _rows(
     path: str, value: Any, meta: Mapping[str, Any], unit: str
 ) -> tuple[tuple[float, ...], ...]:
     """A list of rows of numbers, all of one length."""
+    value = rows_typed(value) if isinstance(value, str) else value
     rows = value if isinstance(value, (list, tuple)) else None
     if rows is None or len(rows) > MOST_ROWS:
         raise ParamError(

@@ -11,6 +11,7 @@ from scene_core.params import ParamError
 from scene_core.session.commands import Redo, ResetParams, SetParam, SetParams, SwapModel, Undo
 from scene_core.session.config import Experiment
 from scene_core.session.roles import swapped
+from scene_core.session.simulated_roles import check_drivers
 
 Edit = SetParam | SetParams | SwapModel | Undo | Redo | ResetParams
 UNDO_STEPS = 100
@@ -58,7 +59,10 @@ def set_params(experiment: Experiment, values: Mapping[str, object]) -> Experime
                 f"'{path}' is no parameter of the estimator or of the source: it starts with "
                 "estimator. or source."
             )
-    return params.replace_all(experiment, values)
+    after = params.replace_all(experiment, values)
+    if any(path.startswith("source.robots.") for path in values):
+        check_drivers(after)
+    return after
 
 
 def values_of(command: Edit) -> Mapping[str, Any]:

@@ -10,6 +10,7 @@ from scene_core.params import ParamError
 from scene_core.session import polymorphic
 from scene_core.session.config import Experiment
 from scene_core.session.published import RoleOptions
+from scene_core.sources import wheel
 from scene_core.sources.drivers import Driver
 from scene_core.sources.simulated import Simulation
 from scene_core.sources.worlds import SimulatedWorld
@@ -49,15 +50,22 @@ def with_simulated(
         new = original if original.name == name else _classes(SimulatedWorld)[name]()
         return _with_world(experiment, new)
     assert isinstance(experiment.source, Simulation)
-    robot = params.get(experiment, role.rpartition(".")[0])
     own = original.name == name
     new = original if own else _classes(Driver)[name]().upright(experiment.source.up)
+    after, who = params.put(experiment, role, new), role.split(".")[2]
+    check_drivers(after)
+    return after, f"'{name}' drives '{who}' from the next frame on"
+
+
+def check_drivers(experiment: Experiment) -> None:
+    """Raises ParamError when a simulated robot has a driver that can not drive it."""
+    source = experiment.source
+    if not isinstance(source, Simulation):
+        return
     try:
-        new.check(robot.motion)
+        wheel.check_drivers(source.robots)
     except SourceError as e:
-        raise ParamError(f"'{name}' can not drive '{robot.motion.name}': {e}") from e
-    who = role.split(".")[2]
-    return params.put(experiment, role, new), f"'{name}' drives '{who}' from the next frame on"
+        raise ParamError(str(e)) from e
 
 
 def _with_world(experiment: Experiment, world: SimulatedWorld) -> tuple[Experiment, str]:

@@ -41,8 +41,14 @@ class Driver(ABC):
         """What the driver knows before the first frame."""
         return None
 
+    def unfit(self, motion: MotionModel) -> str:
+        """Why it can not drive a motion model, as a clause; nothing when it can, as it does unless
+        overridden."""
+        return ""
+
     def check(self, motion: MotionModel) -> None:
-        """Raises SourceError when it can not drive a motion model; it can, unless overridden."""
+        """Raises SourceError when a setting has no meaning for a motion model that it can drive;
+        none, unless overridden."""
         return None
 
     def upright(self, up: str) -> Driver:
@@ -73,16 +79,19 @@ class ConstantControls(Driver):
 
     name: ClassVar[str] = "constant"
     controls: Mapping[str, float] = field(default_factory=dict)
-    """By control label, in the motion model's units; a missing one is zero."""
+    """By control label, in the motion model's units; a missing one is zero. Where a robot does not
+    stay in its place with zeros, as in the air, at least one has to be given."""
 
-    def check(self, motion: MotionModel) -> None:
+    def unfit(self, motion: MotionModel) -> str:
         unknown = [label for label in self.controls if label not in motion.control_labels]
         if unknown:
-            known = ", ".join(motion.control_labels) or "none"
-            raise SourceError(
-                f"the driver '{self.name}' sets {', '.join(unknown)}, which the motion model "
-                f"'{motion.name}' does not have among its controls ({known}): choose another driver"
-            )
+            return f"it sets {', '.join(unknown)}, and {_controls_of(motion)}"
+        held = motion.stay(motion.lift(motion.space.identity()).xv, 1.0)
+        if self.controls or not held.any():
+            return ""
+        rows = zip(motion.control_labels, held, motion.control_units, strict=True)
+        needed = ", ".join(f"{label} = {v:.4g} {unit}" for label, v, unit in rows if v)
+        return f"it sets no control, and a robot that stays where it is needs {needed}"
 
     def drive(
         self, motion: MotionModel, xv: Vec, memory: Any, index: int, dt: float, seed: int
@@ -103,6 +112,15 @@ class Waypoints(Driver):
 
     def memory0(self) -> Any:
         return 0
+
+    def unfit(self, motion: MotionModel) -> str:
+        if motion.navigates:
+            return ""
+        return (
+            "it does not know how to steer to a goal"
+            if motion.control_labels
+            else "it has no controls to steer by"
+        )
 
     def check(self, motion: MotionModel) -> None:
         d = motion.space.d
@@ -148,13 +166,10 @@ class Shuttle(Driver):
     speed: float = param(0.5, unit="m/s", lo=0.0, hi=100.0, soft=(0.0, 2.0))
     """Nominal speed."""
 
-    def check(self, motion: MotionModel) -> None:
-        if "v" not in motion.control_labels:
-            controls = ", ".join(motion.control_labels) or "none"
-            raise SourceError(
-                f"the driver '{self.name}' sets the speed v, which the motion model "
-                f"'{motion.name}' does not have among its controls ({controls})"
-            )
+    def unfit(self, motion: MotionModel) -> str:
+        if "v" in motion.control_labels:
+            return ""
+        return f"it sets the speed v, and {_controls_of(motion)}"
 
     def memory0(self) -> Any:
         return 1.0
@@ -171,3 +186,9 @@ class Shuttle(Driver):
 def controls_of(motion: MotionModel, by_label: Mapping[str, float]) -> Vec:
     """Controls u (nu,) of a motion model from values by label; missing ones are zero."""
     return np.array([float(by_label.get(s, 0.0)) for s in motion.control_labels])
+
+
+def _controls_of(motion: MotionModel) -> str:
+    if not motion.control_labels:
+        return "there are no controls"
+    return f"the controls are {', '.join(motion.control_labels)}"

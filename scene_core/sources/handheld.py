@@ -83,9 +83,11 @@ class HandHeld(Driver):
     targets: tuple[tuple[float, float, float], ...] = TARGETS
     """What the camera looks at from each of them, m."""
 
-    def check(self, motion: MotionModel) -> None:
-        _rows(motion, VELOCITY)
-        _rows(motion, TURN)
+    def unfit(self, motion: MotionModel) -> str:
+        missing = [s for s in (*VELOCITY, *TURN) if s not in motion.state_labels]
+        if not missing:
+            return ""
+        return f"it pushes '{missing[0]}', and there is none in the state"
 
     def start(self, motion: MotionModel, dt: float) -> dict[str, float]:
         nominal = _nominal(self, dt, 0)

@@ -46,6 +46,7 @@ from scene_core.sources.truth import (
     retold,
     told,
 )
+from scene_core.sources.wheel import check_drivers
 from scene_core.sources.worlds import SimulatedWorld, in_axes, landmarks, lines
 
 
@@ -241,8 +242,7 @@ class Simulation:
     def _check(self) -> None:
         """Refuses what can not be simulated together, and a world that can not be read."""
         landmarks(self.world)
-        for robot in self.robots.values():
-            robot.driver.check(robot.motion)
+        check_drivers(self.robots)
         known = (*landmarks(self.world)[0], *lines(self.world).ids)
         markers.check(self.markers, self.robots, known)
         for i, mount in self.mounts.items():

@@ -135,6 +135,19 @@ def test_landmarks_a_file_calls_known_are_given_to_the_estimator(tmp_path: Path)
     [
         ("nomad", DRIVER, "hand held", "'hand held' can not drive 'planar nomad': .*'vx'"),
         ("cloister", "source.robots.robot.driver", "shuttle", "sets the speed v"),
+        (
+            "gyro",
+            "source.robots.hand.driver",
+            "waypoints",
+            "'waypoints' can not drive 'impulse': it has no controls to steer by; choose another "
+            r"driver \(constant, manual, hand held\)$",
+        ),
+        (
+            "inertial",
+            "source.robots.body.driver",
+            "constant",
+            r"stays where it is needs az = 9.81 m/s²; choose another driver \(waypoints, manual\)$",
+        ),
         ("gyro", WORLD, "house", "given landmarks of the world 'cloister' at the start"),
         ("nomad", WORLD, "house", "no 'house' for source.world: choose .*field"),
         ("terrain", WORLD, "cloister", "the world 'cloister' has no ground to drive on"),
@@ -145,6 +158,49 @@ def test_what_makes_no_sense_is_refused(preset: str, role: str, name: str, words
     with pytest.raises(ParamError, match=words):
         session.apply(SwapModel(role, name))
     assert params.get(session.settings.experiment, role) == params.get(build(preset), role)
+
+
+def test_a_waypoint_of_another_dimension_is_refused_when_it_is_given() -> None:
+    session = Session(build("nomad"))
+    session.advance()
+    points = params.get(session.settings.experiment, f"{DRIVER}.points")
+    for value in ([[1.0]], [[1.0, 2.0, 3.0]], "1; 2"):
+        with pytest.raises(ParamError, match=r"nomad\.driver: waypoint 1 is .*2-D needs 2 numbers"):
+            session.apply(SetParam(f"{DRIVER}.points", value))
+    assert params.get(session.settings.experiment, f"{DRIVER}.points") == points
+    session.advance()
+
+
+def test_waypoints_may_be_given_as_they_are_typed() -> None:
+    session = Session(build("nomad"))
+    session.apply(SetParam(f"{DRIVER}.points", "2, 0; 0, 2.5"))
+    assert params.get(session.settings.experiment, f"{DRIVER}.points") == ((2.0, 0.0), (0.0, 2.5))
+
+
+def test_another_truth_that_the_driver_can_not_drive_is_refused_in_one_sentence() -> None:
+    session = Session(build("cloister"))
+    with pytest.raises(ParamError) as refused:
+        session.apply(SwapModel("source.robots.robot.motion", "arm"))
+    said = str(refused.value)
+    assert "'constant' can not drive 'arm': it sets dx, az, and the controls are u1, u2" in said
+    assert said.count("choose") == 1 and said.endswith("(constant, waypoints, manual)")
+
+
+@pytest.mark.parametrize(("preset", "robot"), [("cloister", "robot"), ("inertial", "body")])
+def test_bodies_in_space_go_from_waypoint_to_waypoint(preset: str, robot: str) -> None:
+    session = Session(build(preset))
+    session.advance()
+    start = truth_of(session).xp[robot][:3]
+    there = start + np.array([1.0, 1.0, 0.5])
+    session.apply(SwapModel(f"source.robots.{robot}.driver", "waypoints"))
+    session.apply(SetParam(f"source.robots.{robot}.driver.points", [list(there), list(start)]))
+    gone = []
+    for _ in range(round(15.0 * session.running.source.frame_rate)):
+        session.advance()
+        gone.append(truth_of(session).xp[robot][:3])
+    to, back = (np.linalg.norm(np.array(gone) - place, axis=1) for place in (there, start))
+    assert to.min() < 0.3 and back.max() < 2.5
+    assert back[int(to.argmin()) :].min() < 0.3
 
 
 def test_a_scene_with_y_up_is_driven_along_its_own_axes() -> None:

@@ -7,11 +7,15 @@ import pytest
 
 from scene_core import params
 from scene_core.filter.ports import SourceError
+from scene_core.models import registry
+from scene_core.models.base import MotionModel
 from scene_core.models.motion.impulse import Impulse
 from scene_core.models.motion.nomad import PlanarNomad
 from scene_core.models.motion.odometry_3d import Odometry3D
 from scene_core.models.motion.velocity_1d import Velocity1D
-from scene_core.sources.drivers import ConstantControls, Shuttle, Waypoints
+from scene_core.session import polymorphic
+from scene_core.sources import wheel
+from scene_core.sources.drivers import ConstantControls, Driver, Shuttle, Waypoints
 from scene_core.sources.handheld import HandHeld
 from scene_core.sources.simulated import Simulation, TrueRobot
 from scene_core.sources.worlds import Field, Line, ThickCloister
@@ -130,6 +134,37 @@ def test_a_hand_is_pure_and_needs_velocities() -> None:
     np.testing.assert_array_equal(a, b)
     with pytest.raises(SourceError, match="'vx'"):
         hand.drive(Odometry3D(), np.eye(7)[3], None, 1, DT, 0)
+
+
+def test_every_driver_there_is_can_be_recommended() -> None:
+    found = polymorphic.variants(Driver)
+    assert found is not None and set(wheel.DRIVERS) == set(found[1].values())
+
+
+@pytest.mark.parametrize("cls", registry.built_in("motion").values(), ids=lambda c: c.name)
+def test_a_driver_that_is_accepted_drives(cls: type[MotionModel]) -> None:
+    """With a goal ahead, or the controls of an accepted default, nothing raises; a robot with
+    waypoints moves."""
+    motion = cls()
+    xv, d = motion.lift(motion.space.identity()).xv, motion.space.d
+    for driver in (kind() for kind in wheel.DRIVERS):
+        try:
+            wheel.check_driver(driver, motion)
+        except SourceError:
+            continue
+        assert len(driver.drive(motion, xv, driver.memory0(), 1, DT, 0).u) == len(
+            motion.control_labels
+        )
+    waypoints = Waypoints(((3.0, 2.0, 1.0)[:d],))
+    if not motion.navigates:
+        with pytest.raises(SourceError, match=f"'waypoints' can not drive '{motion.name}': it "):
+            wheel.check_driver(waypoints, motion)
+        return
+    wheel.check_driver(waypoints, motion)
+    at = xv
+    for _ in range(30):
+        at = motion.f(at, waypoints.drive(motion, at, 0, 1, DT, 0).u, DT, motion.calib0).fv
+    assert np.abs(motion.xp(at).xp - motion.xp(xv).xp).max() > 1e-2
 
 
 def test_truth_tells_where_a_robot_is_heading() -> None:
