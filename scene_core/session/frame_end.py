@@ -3,6 +3,7 @@ axes are moved."""
 
 from __future__ import annotations
 
+from collections.abc import Container
 from time import perf_counter
 
 from scene_core.filter.axes import redefine
@@ -19,11 +20,13 @@ AtEnd = InitialiseAt | DeleteFeature | ZeroAxes
 """Commands that act at the end of a frame."""
 
 
-def check(command: AtEnd, world: World, frame: int, half_stepped: bool) -> None:
-    """Raise ParamError when a command makes no sense in a frame: what is refused is refused now,
-    not when the frame is complete."""
+def check(
+    command: AtEnd, world: World, frame: int, half_stepped: bool, measured: Container[str]
+) -> None:
+    """Raise ParamError when a command makes no sense in a frame, in which the sensors `measured`
+    did measure: what is refused is refused now, not when the frame is complete."""
     if isinstance(command, InitialiseAt):
-        _check_click(command, world, frame)
+        _check_click(command, world, frame, measured)
     elif isinstance(command, DeleteFeature):
         if frame < 0:
             raise ParamError("no frame yet to delete a feature in: step to the first one")
@@ -34,7 +37,7 @@ def check(command: AtEnd, world: World, frame: int, half_stepped: bool) -> None:
         redefine(world, command.robot)
 
 
-def _check_click(command: InitialiseAt, world: World, frame: int) -> None:
+def _check_click(command: InitialiseAt, world: World, frame: int, measured: Container[str]) -> None:
     if command.mount not in world.mounts:
         raise ParamError(f"there is no sensor '{command.mount}' to point into")
     if frame < 0:
@@ -44,11 +47,17 @@ def _check_click(command: InitialiseAt, world: World, frame: int) -> None:
             f"the feature was pointed at in frame {command.frame}, but this is frame "
             f"{frame}: pause, then click"
         )
-    _check_place(command, world)
+    _check_place(command, world, measured)
 
 
-def _check_place(command: InitialiseAt, world: World) -> None:
-    """Whether the sensor measures that many coordinates: at a replay it may be another one."""
+def _check_place(command: InitialiseAt, world: World, measured: Container[str]) -> None:
+    """Whether the sensor measured, and that many coordinates: at a replay it may be another one, or
+    have another rate."""
+    if command.mount not in measured:
+        raise ParamError(
+            f"no feature started: sensor '{command.mount}' measured nothing in this frame; step "
+            "to one in which it does, then click"
+        )
     size = world.mounts[command.mount].sensor.measurement_size
     if not 1 <= len(command.z) <= size:
         raise ParamError(
@@ -89,7 +98,7 @@ def done(trace: Trace, command: AtEnd, source: Source) -> PhaseRecord:
             world = delete(trace.world, [label])
             event = Event(trace.frame.index, "deleted", f"{label} deleted: by hand", label)
         case InitialiseAt(mount, z, _):
-            _check_place(command, trace.world)
+            _check_place(command, trace.world, trace.frame.raw)
             world, event = initialise_at(trace.world, trace.frame, source, mount, z)
     ms = 1e3 * (perf_counter() - t0)
     return PhaseRecord("manage", mount, world, ms, events=(event,))

@@ -173,7 +173,8 @@ class Run:
     def at_end(self, command: AtEnd) -> str:
         """Do something at the end of the present frame: now, if that is where the run stands.
         Returns a sentence; raises ParamError when it makes no sense."""
-        frame_end.check(command, self.world, self.frame, self.half_stepped)
+        measured = self.trace.frame.raw if self.trace else ()
+        frame_end.check(command, self.world, self.frame, self.half_stepped, measured)
         record = None if self._trace is None or self._open else self._done(self._trace, command)
         self._discard_future(self.frame, computed=self._at.frame)
         self.log.at_end(self.frame, command)

@@ -177,6 +177,17 @@ def test_a_click_before_the_first_frame_is_refused() -> None:
         run(frames=0).apply(InitialiseAt("scanner", (1.0, 0.0), -1))
 
 
+def test_a_click_is_refused_in_a_frame_in_which_the_sensor_measured_nothing() -> None:
+    session = Session(presets.build("line"))
+    session.apply(SetParam("source.mounts.range.every", 2))
+    session.advance()
+    for step in (session.step_phase, session.advance):
+        step()
+        assert session.trace is not None and not session.trace.frame.raw
+        with pytest.raises(ParamError, match="'range' measured nothing in this frame"):
+            session.apply(InitialiseAt("range", (1.0,), session.frame))
+
+
 def test_a_click_in_a_half_stepped_frame_is_done_when_it_is_complete() -> None:
     session = Session(presets.build("line"))
     session.apply(SetParam("estimator.policies.management.keep_visible", 0))
