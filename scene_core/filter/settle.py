@@ -20,6 +20,7 @@ import numpy as np
 
 from scene_core.arrays import Mat, Vec
 from scene_core.filter.associate import against, judge
+from scene_core.filter.carry import carried
 from scene_core.filter.correct import normalise_features
 from scene_core.filter.gaussian import Gaussian, Workspace, add_noise, convert, times_Ht, times_P
 from scene_core.filter.groups import groups
@@ -68,7 +69,10 @@ def settled(world: World, mount: str, match: Match) -> World | None:
     confidence = world.policies.gate.confidence
     if judge(at.mount, match, h[0], nu, S, confidence).verdict != "accepted":
         return None
+    axes = carried(world, at.mount.robot, work.x)
     work.gain(HP, S, nu)
+    if axes is not None:
+        axes.carry(work)
     normalise_robots(work, world)
     # Other rays move with what they are correlated with: their particles need them of length 1.
     normalise_features(work, world, open_)

@@ -12,6 +12,7 @@ from scene_core.filter.carry import Carried
 from scene_core.filter.gaussian import Workspace
 from scene_core.filter.ports import Frame
 from scene_core.filter.predict import measure_internally
+from scene_core.filter.settle import settled
 from scene_core.filter.world import Gaussian, Instrument, World
 from scene_core.models.base import MotionModel
 from scene_core.models.internal.gyro import Gyro
@@ -19,6 +20,8 @@ from scene_core.session import presets
 from scene_core.session.session import Session
 from scene_core.session.tracks import pose_estimate
 from tests.filter.test_axes import MOTIONS, built
+from tests.filter.test_particles import collapsed, match, open_world
+from tests.filter.test_particles import seen as seen_at
 from tests.filter.test_step import identified, run, seen_from, still_frame
 from tests.filter.worlds import camera_world, without_new
 
@@ -70,6 +73,19 @@ def test_no_instrument_of_the_body_tells_where_the_axes_are(invariant: bool) -> 
     frame = Frame(0, 0.0, 0.0, {}, {}, {"gyro": at + 0.01})
     after, updates = measure_internally(world, frame)
     assert all(u.accepted for u in updates)
+    assert (left_of_the_axes(after) > -1e-9) is invariant
+
+
+@pytest.mark.parametrize("invariant", [True, False])
+def test_no_particles_that_settle_tell_where_the_axes_are(invariant: bool) -> None:
+    world, label = open_world(seed=5)
+    update = replace(world.policies.update, invariant=invariant)
+    world = replace(world, policies=replace(world.policies, update=update))
+    N = moves(world)
+    P = frozen(N @ UNSURE @ N.T + 25.0 * world.gauss.P)
+    world = collapsed(replace(world, gauss=replace(world.gauss, P=P)), label, 2.0, 0.1)
+    after = settled(world, "eye", match(label, seen_at(world, label, 2.02) + 1.0))
+    assert after is not None
     assert (left_of_the_axes(after) > -1e-9) is invariant
 
 
