@@ -18,6 +18,7 @@ from scene_core.session.published import Published
 from scene_core.session.toml_io import dumps
 from web_panels import style
 from web_panels.estimate_this import EstimateThis
+from web_panels.limits import Limit, partners
 from web_panels.panel import Page, Post
 from web_panels.style import escape, number, shown
 from web_panels.widgets import Field, Group, on_press
@@ -133,12 +134,12 @@ class _Parameters:
         self.fields = {}
         with self.place:
             self.box = self.gui.add_folder(None)
-        folders = by_folder(specs)
+        folders, beside = by_folder(specs), partners(specs)
         last = {owner_of(members[0].path): title for title, members in folders.items()}
         for title, members in folders.items():
             with self.box, self.gui.add_folder(title):
                 for spec in members:
-                    send = self._sender(spec.path)
+                    send = self._sender(spec, beside.get(spec.path))
                     self.fields[spec.path] = Field(self.gui, self.group, spec, send)
             owner = owner_of(members[0].path)
             if last[owner] == title:
@@ -151,8 +152,16 @@ class _Parameters:
         )
         self.note.content = style.block(f'<span class="d">{text}</span>', "padding:6px 10px")
 
-    def _sender(self, path: str) -> Any:
-        return lambda value: self.post(SetParam(path, value))
+    def _sender(self, spec: Spec, other: Spec | None) -> Any:
+        if other is None:
+            return lambda value: self.post(SetParam(spec.path, value))
+        limit = Limit(spec, other)
+
+        def send(value: Any) -> None:
+            now = self.latest.pending or self.latest.experiment
+            self.post(limit.edit(value, params.get(now, other.path)))
+
+        return send
 
     def _more(self, p: Published) -> tuple[Estimable, ...]:
         """What there is besides parameters."""
