@@ -265,6 +265,8 @@ def _missed(a: Association, match: Match | None, trace: Trace) -> str:
         text += f" It failed {feature.misses} times in a row."
     if feature.known and not rules.delete_known:
         return f"{text} It was given at the start and stays; it is searched again when selected."
+    if not rules.min_match_ratio:
+        return f"{text} It is searched again when selected."
     return (
         f"{text} It is searched again when selected, and forgotten when fewer than "
         f"{100 * rules.min_match_ratio:.0f} % of at least {rules.min_attempts} searches find it "

@@ -107,16 +107,19 @@ def test_a_matched_point_is_told_without_a_correlation(kind, positions, words):
     assert words in told.text and "NCC" not in told.text
 
 
-def test_no_match_gives_the_reason_and_when_it_will_be_forgotten():
+@pytest.mark.parametrize("ratio", [0.5, 0.0])
+def test_no_match_gives_the_reason_and_when_it_will_be_forgotten(ratio):
     label = accepted(cloister()).label
     trace = searched(pictured(cloister()), label, z=None, score=0.61, positions=212, threshold=0.8)
     trace = judged(
         trace, label, verdict="no match", z=None, nu=None, d2=None, why="best NCC below 0.80"
     )
-    told = story(trace, MOUNT, label)
+    policies = replace(trace.world.policies, management=Management(min_match_ratio=ratio))
+    last = replace(trace.records[-1], world=replace(trace.world, policies=policies))
+    told = story(replace(trace, records=(*trace.records[:-1], last)), MOUNT, label)
     assert told.state == "nomatch"
     assert "212 positions" in told.text and "best NCC below 0.80" in told.text
-    assert "forgotten when fewer than" in told.text
+    assert ("forgotten when fewer than" in told.text) == (ratio > 0)
 
 
 def test_not_selected_gives_rank_and_budget():
