@@ -26,7 +26,7 @@ def simulated_roles(experiment: Experiment) -> tuple[RoleOptions, ...]:
         return ()
     out = []
     if source.rendering is None:
-        fits = [name for name, cls in _classes(SimulatedWorld).items() if _fits(cls, source.world)]
+        fits = [name for name, cls in _classes(SimulatedWorld).items() if _fits(cls, source)]
         out.append(RoleOptions(WORLD, "Truth: world", source.world.name, tuple(fits)))
     drivers = tuple(_classes(Driver))
     for name, robot in source.robots.items():
@@ -87,6 +87,9 @@ def _classes(base: type[Any]) -> dict[str, type[Any]]:
     return dict(found[1])
 
 
-def _fits(cls: type[SimulatedWorld], world: SimulatedWorld) -> bool:
-    """Whether sensors that measure a world can measure one of this class."""
-    return cls.any_space or world.any_space or cls.space is world.space
+def _fits(cls: type[SimulatedWorld], source: Simulation) -> bool:
+    """Whether what measures this simulation can measure a world of this class."""
+    spaces = [mount.sensor.space for mount in source.mounts.values()]
+    if not source.world.any_space:
+        spaces.append(source.world.space)
+    return cls.any_space or cls.space in spaces

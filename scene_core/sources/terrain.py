@@ -114,15 +114,14 @@ def on_ground(world: SimulatedWorld, up: str, motion: MotionModel, xv: Vec) -> V
             f"state has no '{missing[0]}'; choose one that moves in 3-D or turn 'on ground' off"
         )
     r, q = ([motion.state_labels.index(s) for s in labels] for labels in (places, turn))
+    if world.space.d != 3:
+        raise SourceError(_no_ground(world))
     back = in_axes(world, np.arange(3.0), up).astype(int)
     flat = np.empty(3)
     flat[back] = xv[r]
     ground = world.ground(flat[:2])
     if ground is None:
-        raise SourceError(
-            f"the world '{world.name}' has no ground to drive on: choose the world "
-            f"'{Terrain.name}' or turn 'on ground' off"
-        )
+        raise SourceError(_no_ground(world))
     flat[2] = ground.height
     normal = np.array([-ground.slope[0], -ground.slope[1], 1.0])
     normal = (normal / np.linalg.norm(normal))[back]
@@ -130,6 +129,13 @@ def on_ground(world: SimulatedWorld, up: str, motion: MotionModel, xv: Vec) -> V
     out[r] = flat[back]
     out[q] = quaternion.product(_least_turn(quaternion.rotate(xv[q], _axis(up)).v, normal), xv[q])
     return out
+
+
+def _no_ground(world: SimulatedWorld) -> str:
+    return (
+        f"the world '{world.name}' has no ground to drive on: choose the world '{Terrain.name}' "
+        "or turn 'on ground' off"
+    )
 
 
 def _axis(up: str) -> Vec:

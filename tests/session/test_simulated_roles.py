@@ -35,6 +35,15 @@ def test_a_simulation_offers_worlds_of_its_dimension_and_drivers() -> None:
     assert WORLD not in room and "source.robots.hand.driver" in room
 
 
+def test_a_world_that_may_be_of_any_dimension_is_left_for_one_that_can_be_measured() -> None:
+    session = Session(build("nomad"))
+    session.apply(SwapModel(WORLD, "world file"))
+    roles = {r.role: r for r in role_options(session.settings.experiment, session.base)}
+    assert set(roles[WORLD].options) == {"field", "random plane", "corridor plan", "world file"}
+    with pytest.raises(ParamError, match="no 'cloister' for source.world"):
+        session.apply(SwapModel(WORLD, "cloister"))
+
+
 def test_a_robot_is_driven_by_hand_from_the_next_frame_on() -> None:
     session = Session(build("nomad"))
     for _ in range(3):

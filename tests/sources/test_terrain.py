@@ -10,6 +10,7 @@ from scene_core.geometry import quaternion
 from scene_core.models.motion.nomad import PlanarNomad
 from scene_core.models.motion.nomad_3d import TerrainNomad
 from scene_core.models.motion.odometry_3d import Odometry3D
+from scene_core.sources.buildings import CorridorPlan
 from scene_core.sources.drivers import ConstantControls, Waypoints
 from scene_core.sources.simulated import Simulation
 from scene_core.sources.terrain import Terrain, on_ground
@@ -85,6 +86,7 @@ def test_what_can_not_be_on_the_ground_is_told() -> None:
     driver = ConstantControls()
     for world, motion, words in (
         (ThickCloister(), Odometry3D(), "the world 'cloister' has no ground to drive on"),
+        (CorridorPlan(), Odometry3D(), "the world 'corridor plan' has no ground to drive on"),
         (HILLS, PlanarNomad(), "'planar nomad' can not be kept on the ground"),
     ):
         robots = {"r": TrueRobot(motion, driver, on_ground=True)}
