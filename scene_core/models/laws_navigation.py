@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,10 +15,11 @@ TRIES = 40
 """Random controls that may lead to a goal, each component of a size of its own."""
 SIZES = (-2.5, 0.0)
 """Powers of ten between which these sizes are."""
-PUSHED = 120
-"""Steps for which they are held."""
-FAR = 0.8
-"""[m] A goal is about this far away, if the controls lead so far."""
+PUSHED = 150
+"""Steps for each metre of the way, for which they are held at most."""
+FAR = (0.8, 8.0)
+"""[m] A goal is about this far away, if the controls lead so far; the farther one is for a model
+that counts the nearer as reached before it has come nearer."""
 PATIENCE = 2000
 """Steps to a goal."""
 REST = 600
@@ -29,8 +31,7 @@ def not_navigating(model: MotionModel, poses: Sequence[Vec], rng: np.random.Gene
     noise, or to say when it is there; or nothing."""
     if not model.navigates:
         return ""
-    starts = [model.lift(xp).xv for xp in poses]
-    return first([_not_arriving(model, xv, _goal(model, xv, rng)) for xv in starts])
+    return first([_not_coming(model, model.lift(xp).xv, rng) for xp in poses])
 
 
 def not_resting(model: MotionModel, states: Sequence[Vec]) -> str:
@@ -48,38 +49,55 @@ def _moved(model: MotionModel, xv: Vec, u: Vec) -> Vec:
     return model.normalise(model.f(xv, u, DT, np.asarray(model.calib0)).fv).value
 
 
-def _goal(model: MotionModel, xv: Vec, rng: np.random.Generator) -> Vec:
+def _goal(model: MotionModel, xv: Vec, rng: np.random.Generator, far: float) -> Vec:
     """A place that it passes with controls that are held: a robot that can not fly, or an arm, is
     asked for nothing it can not reach. The farthest of a few, since some go round in circles."""
     here, best = _place(model, xv), _place(model, xv)
     for _ in range(TRIES):
         n, x = len(model.control_labels), xv
         u = rng.standard_normal(n) * 10.0 ** rng.uniform(*SIZES, n)
-        for _ in range(PUSHED):
+        for _ in range(round(PUSHED * far)):
             x = _moved(model, x, u)
             place = _place(model, x)
             if np.linalg.norm(place - here) > np.linalg.norm(best - here):
                 best = place
-            if np.linalg.norm(best - here) >= FAR:
+            if np.linalg.norm(best - here) >= far:
                 return best
     return best
 
 
-def _not_arriving(model: MotionModel, xv: Vec, goal: Vec) -> str:
+def _not_coming(model: MotionModel, xv: Vec, rng: np.random.Generator) -> str:
+    """Tried from one state, with goals that are farther and farther."""
+    way = _Way(False)
+    for far in FAR:
+        way = _way(model, xv, _goal(model, xv, rng, far))
+        if not (way.arrived and way.wrong):
+            break
+    return way.wrong
+
+
+class _Way(NamedTuple):
+    arrived: bool
+    """Whether the model says so."""
+    wrong: str = ""
+
+
+def _way(model: MotionModel, xv: Vec, goal: Vec) -> _Way:
     away = [float(np.linalg.norm(_place(model, xv) - goal))]
     for _ in range(PATIENCE):
         u = model.navigate(xv, goal, DT)
         if u is None:
             there = away[-1] < 0.7 * away[0]
-            return "" if there else f"arrived, it says, and is {_words(away)}"
+            return _Way(True, "" if there else f"arrived, it says, and is {_words(away)}")
         wrong = not_shaped("navigate", u, (len(model.control_labels),))
         if wrong:
-            return wrong
+            return _Way(False, wrong)
         xv = _moved(model, xv, u)
         away.append(float(np.linalg.norm(_place(model, xv) - goal)))
     if _is_slow(away) or away[-1] < 0.25 * away[0]:
-        return ""
-    return f"after {PATIENCE * DT:g} s it is {_words(away)}, {min(away):.3g} m at best"
+        return _Way(False)
+    best = f"{min(away):.3g} m at best"
+    return _Way(False, f"after {PATIENCE * DT:g} s it is {_words(away)}, {best}")
 
 
 def _is_slow(away: Sequence[float]) -> bool:

@@ -272,7 +272,7 @@ BROKEN = [
     (LiftsElsewhere, "lift", "off by"),
     (SteersAway, "comes to a goal", "s it is"),
     (BacksOff, "comes to a goal", "s it is"),
-    (ArrivesAtOnce, "comes to a goal", "arrived, it says, and is 0.8"),
+    (ArrivesAtOnce, "comes to a goal", "arrived, it says, and is 8"),
     (TwoControlsForThree, "comes to a goal", "navigate has shape (2,), not (3,)"),
     (NeverBrakes, "stay brings it to rest", "it still moves at"),
     (Falls, "stay brings it to rest", "it still moves at 2"),
@@ -324,6 +324,12 @@ def test_a_model_says_whether_it_steers_by_itself():
     for model in (Wanders(), guarded(Wanders)(), Impulse(), Double(PlanarUnicycle(), Wanders())):
         assert not model.navigates
         assert check(model).ok, str(check(model))
+
+
+@pytest.mark.parametrize("arrive", [0.75, 2.0, 5.0])
+def test_a_large_robot_may_count_a_goal_as_reached_from_afar(arrive):
+    report = check(PlanarUnicycle(arrive=arrive))
+    assert report.ok, str(report)
 
 
 def test_something_that_is_no_model_is_refused():
