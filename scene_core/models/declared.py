@@ -1,8 +1,8 @@
 """Whether a file declares models, told from its text: a folder may hold ordinary scripts as well,
 and a script must not be run to find out that it is one.
 
-A model file imports from `scene_core.models` and derives a class from what it imports there, from
-another such class of its own, or from a name of which nothing is known.
+A model file imports from `scene_core.models`, or `scene_core` as a whole, and derives a class from
+what it imports there, from another such class of its own, or from a name of which nothing is known.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def declares_models(path: Path) -> bool:
     except (SyntaxError, ValueError, RecursionError):
         return PACKAGE in text
     names = dict(_imported(tree))
-    if not any(_inside(name) for name in names.values()):
+    if not any(_inside(name) or _inside(PACKAGE, name) for name in names.values()):
         return False
     found = False
     for node in ast.walk(tree):
@@ -60,9 +60,9 @@ def _is_model(base: ast.expr, names: Mapping[str, str]) -> bool:
     for k in range(len(whole), 0, -1):
         known = names.get(".".join(whole[:k]))
         if known is not None:
-            return _inside(known)
+            return _inside(".".join([known, *whole[k:]]))
     return not hasattr(builtins, whole[0])
 
 
-def _inside(module: str) -> bool:
-    return f"{module}.".startswith(f"{PACKAGE}.")
+def _inside(name: str, package: str = PACKAGE) -> bool:
+    return f"{name}.".startswith(f"{package}.")

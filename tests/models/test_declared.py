@@ -29,6 +29,8 @@ def folder(tmp_path: Path) -> Iterator[Path]:
         "from scene_core.models.motion.arm import Arm\nclass A(Arm): ...",
         "import scene_core.models.base\nclass A(scene_core.models.base.Sensor): ...",
         "import scene_core.models.base as b\nclass A(b.Sensor): ...",
+        "import scene_core\nclass A(scene_core.models.base.Sensor): ...",
+        "import scene_core as sc\nclass A(sc.models.base.Sensor): ...",
         "from scene_core import models\nclass A(models.base.Sensor): ...",
         "from scene_core.models.base import *\nclass A(Sensor): ...",
         f"{FROM}class A(int, Sensor): ...",
@@ -62,6 +64,8 @@ def test_a_class_of_a_model_says_so(folder: Path, text: str) -> None:
         "class B(collections.namedtuple('B', 'x')): ...",
         "from scene_core.models_of_mine import Sensor\nclass A(Sensor): ...",
         "from .models import Sensor\nclass A(Sensor): ...",
+        "import scene_core\nclass A(scene_core.params.Spec): ...",
+        "import numpy\nclass A(numpy.ndarray): ...",
     ],
 )
 def test_a_script_does_not(folder: Path, text: str) -> None:
