@@ -87,10 +87,10 @@ def _stacked(
         work.x[at.columns] += _gain_rows(work, parts, R, at.columns) @ nu
         moved = work.x - prior
         at, parts, nu, R = _linearised(work, world, mount, accepted)
-        # What this linearisation, made elsewhere, says of the innovation at the prior.
-        nu += times_Ht(moved[None], parts)[0]
         if axes is not None:
             parts = _told_before(parts, axes.robot_at(work.x))
+        # What this linearisation, made elsewhere, says of the innovation at the prior.
+        nu += times_Ht(moved[None], parts)[0]
         work.x[:] = prior
     work.update(parts, nu, R)
     if axes is not None:
