@@ -11,7 +11,8 @@ from web_panels.widgets import on_press
 
 HELP = (
     "Forget this landmark at the end of the frame: its block leaves the state and every sensor "
-    "forgets it; what it has taught the rest stays. Stepping back brings it back."
+    "forgets it; what it has taught the rest stays. Stepping back brings it back; it goes again "
+    "when you step on, unless you edit something before."
 )
 
 

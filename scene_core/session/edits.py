@@ -84,7 +84,7 @@ def edited(
     match command:
         case SetParam() | SetParams():
             values = values_of(command)
-            after, paths = set_params(before.experiment, values), " ".join(values)
+            after, paths = set_params(before.experiment, values), " ".join(sorted(values))
             return before.edited(after, paths, same_gesture and before.path == paths), ""
         case SwapModel(role, name):
             after, note = swapped(before.experiment, base, role, name)

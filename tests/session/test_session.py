@@ -233,6 +233,16 @@ def test_a_feature_is_deleted_by_hand_and_deleted_again_when_it_is_played_again(
         session.apply(DeleteFeature(label))
 
 
+def test_an_edit_in_a_frame_before_keeps_a_feature_that_was_deleted_by_hand() -> None:
+    session = run(frames=10)
+    label = min(session.world.features)
+    session.apply(DeleteFeature(label))
+    session.apply(Transport("back"))
+    session.apply(SetParam(SD, 0.2))
+    session.advance()
+    assert label in session.world.features
+
+
 def test_a_feature_is_deleted_when_a_half_stepped_frame_is_complete() -> None:
     session = run(frames=10)
     label = min(session.world.features)
@@ -321,6 +331,7 @@ def test_a_pair_that_is_dragged_is_one_edit() -> None:
     at = "estimator.mounts.scanner.sensor"
     for far in (5.0, 6.0, 7.0):
         session.apply(SetParams(((f"{at}.reach_min", far - 4.0), (f"{at}.reach_max", far))))
+        session.apply(SetParams(((f"{at}.reach_max", far + 0.5), (f"{at}.reach_min", far - 4.0))))
     assert len(session.log) == 1 and len(session.settings.past) == 1
 
 
