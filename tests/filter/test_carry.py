@@ -12,18 +12,21 @@ from scene_core.filter.associate import judged
 from scene_core.filter.carry import Carried
 from scene_core.filter.correct import correct
 from scene_core.filter.expect import predictions
-from scene_core.filter.gaussian import Workspace
+from scene_core.filter.gaussian import Workspace, dense
+from scene_core.filter.groups import groups
+from scene_core.filter.observe import observe, rows, sensor_state
 from scene_core.filter.ports import Frame
 from scene_core.filter.predict import measure_internally
 from scene_core.filter.settle import settled
 from scene_core.filter.world import Gaussian, Instrument, World
-from scene_core.geometry.spaces import THREE_D
+from scene_core.geometry.spaces import THREE_D, TWO_D
 from scene_core.models.base import MotionModel
 from scene_core.models.internal.gyro import Gyro
+from scene_core.models.motion.impulse import Impulse
 from scene_core.session import presets
 from scene_core.session.session import Session
 from scene_core.session.tracks import pose_estimate
-from tests.filter.test_axes import MOTIONS, built
+from tests.filter.test_axes import MOTIONS, built, in_space
 from tests.filter.test_particles import collapsed, match, open_world
 from tests.filter.test_particles import seen as seen_at
 from tests.filter.test_step import identified, run, seen_from, still_frame
@@ -129,9 +132,34 @@ def test_iterations_come_to_rest_where_the_matches_put_the_robot(invariant: bool
 def test_a_pose_says_how_its_axes_moved_whatever_the_model(motion: MotionModel) -> None:
     world = built([motion], motion.space, seed=4)
     axes = Carried(world, "r0", world.gauss.x)
-    rows = world.gauss.layout["robot:r0"].slice
+    at = world.gauss.layout["robot:r0"].slice
     identity = np.eye(motion.space.tangent)
-    np.testing.assert_allclose(axes.seen @ axes.before[rows], identity, atol=1e-9)
+    np.testing.assert_allclose(axes.seen @ axes.before[at], identity, atol=1e-9)
+
+
+def seen_of_the_axes(world: World, robot: str) -> float:
+    """The largest element of H N over all sensors and complete features, H of size 1."""
+    N, worst = Carried(world, robot, world.gauss.x).before, []
+    for mount in world.mounts:
+        at = sensor_state(world, mount)
+        for group in groups(world):
+            if not group.partial:
+                found = observe(at, group, world.gauss.x)
+                H = dense([rows(at, found)], len(N))
+                H = H[np.isfinite(H).all(axis=1)]
+                worst.append(np.abs(H @ N).max(initial=0.0) / np.abs(H).max(initial=1.0))
+    return max(worst)
+
+
+@pytest.mark.parametrize("motion", MOTIONS, ids=lambda m: m.name)
+def test_no_sensor_sees_a_move_of_the_axes(motion: MotionModel) -> None:
+    assert seen_of_the_axes(built([motion, motion], motion.space, seed=1), "r1") < 1e-13
+
+
+@pytest.mark.parametrize("up", ["y", "z"])
+@pytest.mark.parametrize("motion", in_space(MOTIONS, TWO_D), ids=lambda m: m.name)
+def test_nor_from_a_robot_in_a_plane_of_a_map_in_space(motion: MotionModel, up: str) -> None:
+    assert seen_of_the_axes(built([motion, Impulse()], THREE_D, 1, up), "r0") < 1e-13
 
 
 @pytest.mark.parametrize("motion", MOTIONS, ids=lambda m: m.name)
