@@ -20,6 +20,8 @@ PUSHED = 150
 FAR = (0.8, 8.0)
 """[m] A goal is about this far away, if the controls lead so far; the farther one is for a model
 that counts the nearer as reached before it has come nearer."""
+STILL = 1e-3
+"""[m] Controls that lead no farther than this do not move the place: an arm may turn on the spot."""
 PATIENCE = 2000
 """Steps to a goal."""
 REST = 600
@@ -70,7 +72,10 @@ def _not_coming(model: MotionModel, xv: Vec, rng: np.random.Generator) -> str:
     """Tried from one state, with goals that are farther and farther."""
     way = _Way(False)
     for far in FAR:
-        way = _way(model, xv, _goal(model, xv, rng, far))
+        goal = _goal(model, xv, rng, far)
+        if np.linalg.norm(goal - _place(model, xv)) < STILL:
+            return ""
+        way = _way(model, xv, goal)
         if not (way.arrived and way.wrong):
             break
     return way.wrong
