@@ -21,7 +21,7 @@ FAR = (0.8, 8.0)
 """[m] A goal is about this far away, if the controls lead so far; the farther one is for a model
 that counts the nearer as reached before it has come nearer."""
 STILL = 1e-3
-"""[m] Controls that lead no farther than this do not move the place: an arm may turn on the spot."""
+"""[m] Controls that lead no farther do not move the place: an arm may turn on the spot."""
 PATIENCE = 2000
 """Steps to a goal."""
 REST = 600

@@ -120,12 +120,14 @@ def planar_mono(path: str) -> Experiment:
     """A planar robot with odometry that carries a camera, started at its true pose.
 
     The odometry differs from the true increments by 2.2 cm ahead, .3 cm across and .022 rad. The
-    pixels have no noise (they fit the truth to .02 px); 1 px stands for the linearisation, as a
-    first step moves points by ten. Points are first seen 2 to 10 m away: rho .16 +- .064.
+    pixels have no noise (they fit the truth to .02 px); 1.3 px stands for the linearisation, as a
+    first step moves points by ten. One match after the other corrects the step before the next is
+    linearised: .059 m and NEES 1.9 for .21 m and 35 with all at once, iterated. Points are first
+    seen 2 to 10 m away: rho .16 +- .064.
     """
     source = PlanarMono(path=path)
     camera = source.camera
-    sensor = _pinhole(camera.K, camera.width, camera.height)
+    sensor = replace(_pinhole(camera.K, camera.width, camera.height), sd_px=1.3)
     start = dict(zip(TWO_D.labels, source.start_pose().tolist(), strict=True))
     motion = PlanarIncrements(sd_ahead=0.0225, sd_across=0.003, sd_turn=0.0225)
     policies = _mapping(InverseDepth(rho_mean=0.2, rho_sd=0.12, linearity=0.02), most=300)
@@ -133,7 +135,7 @@ def planar_mono(path: str) -> Experiment:
     management = replace(
         policies.management, max_new=1, max_new_first=1, min_attempts=3, min_accept_ratio=0.6
     )
-    policies = replace(policies, management=management, update=Update("iterated"))
+    policies = replace(policies, management=management, update=Update("sequential"))
     return Experiment(
         name="planar_mono",
         about=ABOUT["planar_mono"],
@@ -152,7 +154,9 @@ def starry_night(path: str) -> Experiment:
 
     With the pose of every frame fitted to the true landmarks, pixels scatter by 1 px (7 to 12
     against the motion capture's pose, which errs alike for all of them). The rates differ from
-    those of the motion capture by .02 to .05 m/s and .08 to .40 rad/s.
+    those of the motion capture by .02 to .05 m/s and .08 to .40 rad/s. So unsure turns want the
+    axes carried (4.6 deg of orientation for 6.2, NEES 70 for 133); what is left of the NEES is
+    the motion capture's own error, which the filter does not know of.
     """
     source = StarryNight(path=path)
     camera = source.camera
@@ -177,7 +181,7 @@ def starry_night(path: str) -> Experiment:
         estimator=EstimatorSettings(
             robots={source.robot: RobotSettings(BodyRates(sd_v=0.05, sd_w=0.4), start)},
             mounts={source.mount: MountSettings(sensor, source.robot, _tuple(source.camera_pose))},
-            policies=replace(_mapping(EuclideanPoint()), update=Update("iterated")),
+            policies=replace(_mapping(EuclideanPoint()), update=Update("iterated", invariant=True)),
             up="z",
         ),
         source=source,
@@ -188,7 +192,8 @@ def tagbox(path: str) -> Experiment:
     """A hand-held camera round a box of tags, started from four of their corners.
 
     The corners, triangulated from the reference poses, fit to .38 px (two coordinates together).
-    The pose at the start is that of twelve known points, good to 1 cm and 1 degree.
+    The pose at the start is that of twelve known points, good to 1 cm and 1 degree. The reference
+    poses err by some millimetres themselves, more than the filter's sd: their NEES says nothing.
     """
     source = Tagbox(path=path)
     sensor = replace(_pinhole(source.K, 752, 480), sd_px=0.4)

@@ -69,8 +69,9 @@ def test_a_planar_robot_with_a_camera_beats_its_odometry(recordings: Recordings)
     experiment = recorded.planar_mono(str(recordings("planar_mono_slam")))
     session = played(experiment)
     figures, errors = report(session, 1.0), map_errors(session)
-    assert figures["pos_rmse_m"] <= dead_reckoning(experiment) / 3
+    assert figures["pos_rmse_m"] <= dead_reckoning(experiment) / 15
     assert 0.75 < figures["nis_mean"] / figures["nis_dof"] < 1.25
+    assert figures["nees_mean"] < 1.4 * figures["nees_dof"]
     assert len(errors) > 100 and errors.mean() < 0.2 and errors.max() < 0.5
 
 
