@@ -21,7 +21,7 @@ def text_of(path: Path, expected: str) -> str:
         raise ValueError(f"{path} can not be opened: {e.strerror or e}") from e
     except ValueError as e:
         raise ValueError(f"{str(path)!a} is no path of a file: {e}") from e
-    if stat.S_ISCHR(about.st_mode) or stat.S_ISFIFO(about.st_mode):
+    if not (stat.S_ISREG(about.st_mode) or stat.S_ISDIR(about.st_mode)):
         raise ValueError(f"{path} is no file: give {expected}")
     if about.st_size > LARGEST:
         size, most = about.st_size / 1e6, LARGEST / 1e6

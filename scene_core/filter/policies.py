@@ -62,7 +62,8 @@ class Update:
     invariant: bool = param(False, label="Carry the axes")
     """An update that moves the map takes along how unsure the axes are that it is told in.
     Otherwise the filter believes to learn where they are, the more the less sure the robot was of
-    its orientation and the better the sensor is."""
+    its orientation and the better the sensor is. One more pass over the covariance per update;
+    sequential: per match."""
 
 
 @dataclass(frozen=True)

@@ -98,7 +98,7 @@ def load_file(path: str | Path) -> UserFile:
     linecache.checkcache(str(path))
     try:
         exec(code, module.__dict__)
-    except (Exception, SystemExit) as e:
+    except (Exception, SystemExit, KeyboardInterrupt) as e:
         del sys.modules[module.__name__]
         return UserFile(path.name, problem=f"{_place(path, e)}: {type(e).__name__}: {e}")
     return _file_of(path.name, _classes(module), lines)
@@ -109,7 +109,7 @@ def load_entry_point(entry: EntryPoint) -> UserFile:
     name = f"{entry.name} ({entry.value})"
     try:
         found = entry.load()
-    except (Exception, SystemExit) as e:
+    except (Exception, SystemExit, KeyboardInterrupt) as e:
         return UserFile(name, problem=f"{name} can not be loaded: {type(e).__name__}: {e}")
     classes = _classes(found) if isinstance(found, ModuleType) else [found]
     return _file_of(name, [c for c in classes if isinstance(c, type)], {})

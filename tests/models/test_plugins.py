@@ -64,6 +64,7 @@ def test_a_model_of_a_file_is_offered_beside_the_built_in_ones(folder: Path) -> 
         ("1 / 0", "mine.py, line 9: ZeroDivisionError: division by zero"),
         ("import no_such_module", "mine.py, line 9: ModuleNotFoundError: No module named"),
         ("import sys; sys.exit(1)", "mine.py, line 9: SystemExit: 1"),
+        ("raise KeyboardInterrupt", "mine.py, line 9: KeyboardInterrupt: "),
         ("x = 1", "mine.py defines no model: derive a frozen dataclass from one of MotionModel"),
         ("\0", "mine.py"),
     ],
