@@ -15,9 +15,9 @@ from scene_core.arrays import Mat, Vec
 from scene_core.filter.groups import Group, groups, moments
 from scene_core.filter.world import Label, Layout, World
 from scene_core.geometry.ellipses import ellipsoids, sigma
+from scene_core.geometry.embedding import embed_covariances as embed_P
+from scene_core.geometry.embedding import embed_points
 from scene_core.geometry.numdiff import central_differences
-from scene_core.geometry.spaces import embed_covariances as embed_P
-from scene_core.geometry.spaces import embed_points
 from scene_core.models.base import FeatureModel
 from web_panels.bodies import NO_LINES, NO_SWARM, Bodies, Lines, Swarm
 

@@ -16,7 +16,8 @@ from scene_core.filter.records import Trace
 from scene_core.filter.world import Axes, Label, World
 from scene_core.geometry import quaternion
 from scene_core.geometry.correlation import largest_canonical_correlations
-from scene_core.geometry.spaces import SPACES, THREE_D, Space, embed, embed_points
+from scene_core.geometry.embedding import embed, embed_points
+from scene_core.geometry.spaces import SPACES, THREE_D, Space
 from scene_core.models.base import Sensor
 from scene_core.session.axes import points_from, truth_axes
 from scene_core.session.published import Published

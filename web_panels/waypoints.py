@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from scene_core.arrays import Vec
-from scene_core.geometry.spaces import Space, embed_points
+from scene_core.geometry.embedding import embed_points
+from scene_core.geometry.spaces import Space
 from scene_core.session.commands import SetParam
 from scene_core.session.config import Experiment
 from scene_core.session.published import Published

@@ -25,8 +25,9 @@ from scene_core.arrays import Mat, Vec, frozen
 from scene_core.filter.fixed import EXACT, TOLD, deviation, not_flat
 from scene_core.filter.groups import Group, groups
 from scene_core.filter.world import Axes, Feature, Gaussian, Label, Robot, World
+from scene_core.geometry.embedding import embed, flatten
 from scene_core.geometry.numdiff import central_differences
-from scene_core.geometry.spaces import THREE_D, Space, embed, flatten, relative
+from scene_core.geometry.spaces import THREE_D, Space, relative
 from scene_core.models.base import FeatureModel, completed
 from scene_core.params import ParamError
 

@@ -7,7 +7,8 @@ import numpy as np
 from scene_core.arrays import Mat, Vec
 from scene_core.filter.world import World
 from scene_core.geometry import quaternion
-from scene_core.geometry.spaces import ONE_D, THREE_D, Space, embed, embed_points, flatten
+from scene_core.geometry.embedding import embed, embed_points, flatten
+from scene_core.geometry.spaces import ONE_D, THREE_D, Space
 
 ANY = "any direction"
 TOLD = ("gravity", "north", "plane", ANY)

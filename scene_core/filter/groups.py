@@ -9,7 +9,7 @@ import numpy as np
 
 from scene_core.arrays import Mat, Vec
 from scene_core.filter.world import Label, Robot, World
-from scene_core.geometry.spaces import embed
+from scene_core.geometry.embedding import embed
 from scene_core.models.base import FeatureModel, Particles, completed
 
 

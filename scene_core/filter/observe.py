@@ -19,7 +19,7 @@ from scene_core.arrays import Mat, Vec
 from scene_core.filter.gaussian import Rows
 from scene_core.filter.groups import Group, groups, states
 from scene_core.filter.world import Gaussian, Mount, World
-from scene_core.geometry.spaces import embed
+from scene_core.geometry.embedding import embed
 from scene_core.models import segments
 from scene_core.models.base import completed
 

@@ -1,103 +1,31 @@
 """Position states in one, two and three dimensions, and how they move homogeneous points.
 
-A position state xp is Scene's minimal description of where something is (section 4):
-1-D (z), 2-D (z, x, phi) with phi from z towards x, 3-D (x, y, z, qw, qx, qy, qz).
-A point is homogeneous, X = (m, w): the place m / w, at infinity for w = 0.
+1-D (z), 2-D (z, x, phi) with phi from z towards x, 3-D (x, y, z, qw, qx, qy, qz); see `space`.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import NamedTuple
 
 import numpy as np
 
 from scene_core.arrays import Mat, Vec
 from scene_core.geometry import quaternion
+from scene_core.geometry.space import Composed, Inverted, Moved, Space, relative, wrap
 
-
-class Composed(NamedTuple):
-    """x_AC = x_AB * x_BC with Jacobians by both."""
-
-    x: Vec
-    by_a: Mat
-    by_b: Mat
-
-
-class Inverted(NamedTuple):
-    x: Vec
-    jacobian: Mat
-
-
-class Moved(NamedTuple):
-    """Points X (..., d+1) seen from another frame, with Jacobians by the frame's pose xp
-    (..., d+1, n) and by X (..., d+1, d+1), the latter possibly without batch axes."""
-
-    X: Vec
-    by_xp: Mat
-    by_X: Mat
-
-
-class Space(ABC):
-    """Poses and homogeneous points of one dimension. `d` spatial dimensions, poses of size n."""
-
-    name: str
-    d: int
-    n: int
-    """Size of a position state: 1, 3, 7."""
-    tangent: int
-    """Degrees of freedom of a position state: 1, 3, 6."""
-    labels: tuple[str, ...]
-    units: tuple[str, ...]
-
-    @abstractmethod
-    def identity(self) -> Vec: ...
-
-    @abstractmethod
-    def compose(self, a: Vec, b: Vec) -> Composed:
-        """x_AC from x_AB and x_BC."""
-
-    @abstractmethod
-    def inverse(self, a: Vec) -> Inverted:
-        """x_BA from x_AB."""
-
-    @abstractmethod
-    def to_local(self, xp: Vec, X: Vec) -> Moved:
-        """Points of the frame in which xp is given, seen from xp. Batched over X, one xp or a
-        batch of them: m_L = R' (m - w t)."""
-
-    @abstractmethod
-    def to_world(self, xp: Vec, X: Vec) -> Moved:
-        """Points seen from xp, in the frame in which xp is given: m = R m_L + w t."""
-
-    @abstractmethod
-    def position(self, xp: Vec) -> Vec:
-        """Spatial part (..., d) of poses (..., n)."""
-
-    @abstractmethod
-    def difference(self, a: Vec, b: Vec) -> Vec:
-        """Tangent vector (position, rotation vector; angles wrapped) from b to a: positions in the
-        outer frame, rotation in the frame of b."""
-
-    @abstractmethod
-    def tangent_map(self, xp: Vec) -> Mat:
-        """J (tangent, n): a small change of xp as a tangent vector, so P_tangent = J P J'."""
-
-    @abstractmethod
-    def from_tangent(self, xp: Vec) -> Mat:
-        """(n, tangent): the change of xp for a small tangent vector (right inverse of
-        `tangent_map`), so P = G P_tangent G'."""
-
-    @abstractmethod
-    def normalise(self, xp: Vec) -> tuple[Vec, Mat]:
-        """xp on its constraint (unit quaternion, phi in (-pi, pi]) and the exact Jacobian."""
-
-
-def wrap(angle: Vec) -> Vec:
-    """Angles in (-pi, pi]."""
-    return np.pi - np.mod(np.pi - np.asarray(angle), 2.0 * np.pi)
+__all__ = [
+    "ONE_D",
+    "SPACES",
+    "THREE_D",
+    "TWO_D",
+    "Composed",
+    "Inverted",
+    "Moved",
+    "Space",
+    "relative",
+    "wrap",
+]
 
 
 class OneD(Space):
@@ -353,77 +281,3 @@ TWO_D = TwoD()
 THREE_D = ThreeD()
 SPACES: Mapping[int, Space] = MappingProxyType({s.d: s for s in (ONE_D, TWO_D, THREE_D)})
 """By how many coordinates a point has."""
-
-# fmt: off
-_AXES: dict[tuple[str, str], Mat] = {
-    ("1-D", "y"): np.array([[0.0], [0.0], [1.0]]),
-    ("1-D", "z"): np.array([[1.0], [0.0], [0.0]]),
-    ("2-D", "y"): np.array([[0.0, 1.0], [0.0, 0.0], [1.0, 0.0]]),
-    ("2-D", "z"): np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]]),
-    ("3-D", "y"): np.eye(3),
-    ("3-D", "z"): np.eye(3),
-}
-# fmt: on
-
-
-def embed(xp: Vec, space: Space, up: str, into: Space = THREE_D) -> tuple[Vec, Mat]:
-    """The position state (..., m) in `into`, which has more dimensions, of a pose in `space`, and
-    its Jacobian (..., m, n). A pose on a line lies in the plane with x = phi = 0. In 3-D:
-
-    up = "y" (Scene): the plane's z and x are the world's z and x, phi turns about y. up = "z" (the
-    toolbox): the plane's z is the world's x, its x the world's y, phi turns about z. A line's z
-    runs along the world's z, resp. x.
-    """
-    if space is into:
-        return xp, np.eye(space.n)
-    if into.d == 2:
-        J = np.eye(into.n, space.n)
-        return xp @ J.T, np.broadcast_to(J, (*xp.shape[:-1], *J.shape))
-    axes = _AXES[space.name, up]
-    out = np.zeros((*xp.shape[:-1], 7))
-    J = np.zeros((*xp.shape[:-1], 7, space.n))
-    out[..., :3] = xp[..., : space.d] @ axes.T
-    out[..., 3] = 1.0
-    J[..., :3, : space.d] = axes
-    if space.d == 2:
-        half = 0.5 * xp[..., 2]
-        up_axis = 4 + "xyz".index(up)
-        out[..., 3], out[..., up_axis] = np.cos(half), np.sin(half)
-        J[..., 3, 2], J[..., up_axis, 2] = -0.5 * np.sin(half), 0.5 * np.cos(half)
-    return out, J
-
-
-def flatten(xp: Vec, space: Space, up: str) -> tuple[Vec, Mat]:
-    """The position state (..., n) in `space` of a 3-D pose (..., 7) that lies in it, and its
-    Jacobian (..., n, 7): the left inverse of `embed`."""
-    if space.d == 3:
-        return xp, np.eye(7)
-    axes = _AXES[space.name, up]
-    out, J = np.zeros((*xp.shape[:-1], space.n)), np.zeros((*xp.shape[:-1], space.n, 7))
-    out[..., : space.d] = xp[..., :3] @ axes
-    J[..., : space.d, :3] = axes.T
-    if space.d == 2:
-        up_axis = 4 + "xyz".index(up)
-        c, s = xp[..., 3], xp[..., up_axis]
-        out[..., 2] = wrap(2.0 * np.arctan2(s, c))
-        length2 = c * c + s * s
-        J[..., 2, 3], J[..., 2, up_axis] = -2.0 * s / length2, 2.0 * c / length2
-    return out, J
-
-
-def embed_points(points: Vec, space: Space, up: str) -> Vec:
-    """Points (..., d) of `space` in 3-D world axes (..., 3), see `embed`."""
-    return points @ _AXES[space.name, up].T
-
-
-def embed_covariances(P: Mat, space: Space, up: str) -> Mat:
-    """Covariances (..., d, d) of points of `space` in 3-D world axes (..., 3, 3)."""
-    axes = _AXES[space.name, up]
-    return axes @ P @ axes.T
-
-
-def relative(space: Space, origin: Vec, xp: Vec) -> Composed:
-    """The pose xp seen from `origin`, inverse(origin) * xp, with Jacobians by origin and by xp."""
-    back = space.inverse(origin)
-    seen = space.compose(back.x, xp)
-    return Composed(seen.x, seen.by_a @ back.jacobian, seen.by_b)

@@ -16,7 +16,8 @@ from scene_core.arrays import Vec, frozen
 from scene_core.filter.axes import redefine
 from scene_core.filter.records import Event, PhaseRecord, Trace
 from scene_core.filter.world import Axes
-from scene_core.geometry.spaces import THREE_D, Space, embed, flatten, relative
+from scene_core.geometry.embedding import embed, flatten
+from scene_core.geometry.spaces import THREE_D, Space, relative
 
 
 def zeroed(trace: Trace, robot: str) -> PhaseRecord:

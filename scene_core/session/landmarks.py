@@ -7,7 +7,8 @@ import numpy as np
 from scene_core.arrays import Vec
 from scene_core.filter.ports import Truth
 from scene_core.filter.world import World
-from scene_core.geometry.spaces import SPACES, flatten
+from scene_core.geometry.embedding import flatten
+from scene_core.geometry.spaces import SPACES
 from scene_core.session.axes import truth_axes
 
 

@@ -10,7 +10,8 @@ import numpy as np
 from scene_core.arrays import Mat, Vec
 from scene_core.filter.world import Axes, World
 from scene_core.geometry.ellipses import chi2_band, nees
-from scene_core.geometry.spaces import Space, embed_points
+from scene_core.geometry.embedding import embed_points
+from scene_core.geometry.spaces import Space
 from scene_core.models.base import completed
 from scene_core.session.alignment import Alignment, Similarity, aligned_poses, umeyama
 from scene_core.session.axes import (

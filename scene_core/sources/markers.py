@@ -8,7 +8,8 @@ import numpy as np
 
 from scene_core.arrays import Vec
 from scene_core.filter.ports import SourceError
-from scene_core.geometry.spaces import Space, embed
+from scene_core.geometry.embedding import embed
+from scene_core.geometry.spaces import Space
 from scene_core.sources.truth import TrueMarker, TrueRobot
 
 

@@ -27,7 +27,7 @@ from scene_core.filter.ports import (
     Raw,
     SourceError,
 )
-from scene_core.geometry.spaces import embed
+from scene_core.geometry.embedding import embed
 from scene_core.models.base import MotionModel, Sensor
 from scene_core.params import param
 from scene_core.sources import markers, noise, pictures, points, segments

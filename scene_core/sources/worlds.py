@@ -11,7 +11,8 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from scene_core.arrays import Mat, Vec
-from scene_core.geometry.spaces import ONE_D, THREE_D, TWO_D, Space, embed_points
+from scene_core.geometry.embedding import embed_points
+from scene_core.geometry.spaces import ONE_D, THREE_D, TWO_D, Space
 from scene_core.params import param
 from scene_core.sources import noise
 from scene_core.sources.surface import Surface

@@ -17,8 +17,9 @@ from scene_core.filter.groups import groups, moments
 from scene_core.filter.policies import Policies
 from scene_core.filter.records import Predictions
 from scene_core.filter.world import Feature, Gaussian, Instrument, Layout, Mount, Robot, World
+from scene_core.geometry.embedding import embed, flatten
 from scene_core.geometry.numdiff import central_differences
-from scene_core.geometry.spaces import ONE_D, THREE_D, TWO_D, Space, embed, flatten
+from scene_core.geometry.spaces import ONE_D, THREE_D, TWO_D, Space
 from scene_core.models import registry
 from scene_core.models.base import FeatureModel, MotionModel, completed
 from scene_core.models.features.inverse_depth_line import InverseDepthLine

@@ -5,18 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from scene_core.geometry.embedding import embed, embed_covariances, embed_points
 from scene_core.geometry.numdiff import central_differences
-from scene_core.geometry.spaces import (
-    ONE_D,
-    THREE_D,
-    TWO_D,
-    Space,
-    embed,
-    embed_covariances,
-    embed_points,
-    relative,
-    wrap,
-)
+from scene_core.geometry.spaces import ONE_D, THREE_D, TWO_D, Space, relative, wrap
 
 SPACES = [ONE_D, TWO_D, THREE_D]
 seeds = st.integers(0, 2**32 - 1)

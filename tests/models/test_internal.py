@@ -9,7 +9,8 @@ import pytest
 from scipy.stats import chi2
 
 from scene_core.geometry import quaternion
-from scene_core.geometry.spaces import TWO_D, embed, wrap
+from scene_core.geometry.embedding import embed
+from scene_core.geometry.spaces import TWO_D, wrap
 from scene_core.models import registry
 from scene_core.models.base import Fault
 from scene_core.models.check import check

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from scene_core.geometry.spaces import THREE_D, TWO_D, embed
+from scene_core.geometry.embedding import embed
+from scene_core.geometry.spaces import THREE_D, TWO_D
 from scene_core.models.motion.body_rates import BodyRates
 from scene_core.models.motion.increments_2d import PlanarIncrements
 from scene_core.models.motion.odometry_3d import Odometry3D

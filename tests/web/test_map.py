@@ -15,8 +15,8 @@ from scene_core.filter.world import World
 from scene_core.geometry import quaternion
 from scene_core.geometry.correlation import largest_canonical_correlations
 from scene_core.geometry.ellipses import sigma
-from scene_core.geometry.spaces import embed_covariances as embed_P
-from scene_core.geometry.spaces import embed_points
+from scene_core.geometry.embedding import embed_covariances as embed_P
+from scene_core.geometry.embedding import embed_points
 from scene_core.models.sensors.fisheye import Fisheye
 from scene_core.session.presets import build
 from scene_core.session.published import Published

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import viser
 
-from scene_core.geometry.spaces import THREE_D, embed_points
+from scene_core.geometry.embedding import embed_points
+from scene_core.geometry.spaces import THREE_D
 from scene_core.session.commands import Seek, ZeroAxes
 from scene_core.session.presets import build
 from scene_core.session.published import Published
