@@ -125,7 +125,9 @@ max-height:calc(50vh - 115px)!important;width:auto!important;display:block;margi
 [data-triple] .mantine-NumberInput-section{display:none}
 [data-triple] input{padding:0 .4em!important}
 @media(max-width:36em){.mantine-Paper-root[style*="bottom: 0px"][style*="width: 20em"],
-.mantine-Paper-root[style*="bottom: 0px"] div[style*="width: 20em"]{width:100%!important}}
+.mantine-Paper-root[style*="bottom: 0px"] div[style*="width: 20em"]{width:100%!important}
+.mantine-Paper-root[style*="bottom: 0px"] .mantine-ScrollArea-content{
+width:100vw!important;min-width:0!important}}
 .u-legend{font-size:11px!important;margin:0!important}.u-title{font-size:12px!important;font-weight:600}
 </style>"""
 """Put on the page once; every `add_html` of every panel is styled by it."""

@@ -162,6 +162,18 @@ def test_a_phone_shows_the_map_above_its_panels(site: Site, shown: Page) -> None
     shown.wait_for_function(f"{moved_up} === 0", timeout=15_000)
 
 
+def test_no_panel_of_a_phone_is_wider_than_the_screen(site: Site, shown: Page) -> None:
+    shown.set_viewport_size({"width": 400, "height": 800})
+    shown.wait_for_timeout(2000)
+    sheet = '.mantine-Paper-root[style*="bottom: 0px"] .mantine-ScrollArea-viewport'
+    for name in ("camera", "Inspector"):
+        panel = shown.locator(sheet).get_by_text(name).filter(visible=True).last
+        panel.click()
+        shown.wait_for_timeout(1500)
+        beyond = shown.locator(sheet).first.evaluate("e => e.scrollWidth - e.clientWidth")
+        assert beyond <= 1, name
+
+
 def test_another_scenario_keeps_the_panels_where_they_are(site: Site, shown: Page) -> None:
     """Its sensor has another kind of picture; `page` fails on complaints in the console."""
     picture = shown.locator('img[src^="blob:"]').first
