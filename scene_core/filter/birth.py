@@ -157,7 +157,8 @@ def _place(sensor: Sensor, z: Vec) -> str:
     units = list(zip(sensor.labels, sensor.units, strict=True))
     return " to ".join(
         ", ".join(
-            f"{name} {value:.1f} {unit}" for (name, unit), value in zip(units, end, strict=True)
+            f"{name} {value:.{1 if unit == 'px' else 3}f} {unit}"
+            for (name, unit), value in zip(units, end, strict=True)
         )
         for end in ends
     )

@@ -35,6 +35,10 @@ def chi2_band(dof: float, n: int = 1, probability: float = 0.95) -> tuple[float,
     return chi2_gate(dof * n, tail) / n, chi2_gate(dof * n, 1.0 - tail) / n
 
 
+CERTAIN = 1e-6
+"""What is left of a variance when it is made zero: linearising leaves some of the second order."""
+
+
 def d2(nu: Vec, S: Mat) -> Vec:
     """Squared Mahalanobis distances nu' S^-1 nu (...,) of nu (..., m) under S (..., m, m)."""
     m = nu.shape[-1]
@@ -50,18 +54,17 @@ def d2(nu: Vec, S: Mat) -> Vec:
 def nees(e: Vec, P: Mat) -> float:
     """Normalised estimation error squared e' P^-1 e of an error on the tangent (n,).
 
-    NaN when P is not positive definite: an error in a direction that is said to be known exactly
-    has no finite NEES.
+    NaN where P, with its diagonal scaled to one, has an eigenvalue below `CERTAIN`: an error in a
+    direction that is said to be known exactly has no finite NEES.
     """
     P = np.asarray(P)
     scale = np.sqrt(np.maximum(np.diagonal(P), 0.0))
     if not (scale > 0.0).all():
         return float("nan")
-    try:
-        L = np.linalg.cholesky(P / np.outer(scale, scale))
-    except np.linalg.LinAlgError:
+    C = P / np.outer(scale, scale)
+    if np.linalg.eigvalsh(C)[0] < CERTAIN:
         return float("nan")
-    r = np.linalg.solve(L, e / scale)
+    r = np.linalg.solve(np.linalg.cholesky(C), e / scale)
     return float(r @ r)
 
 

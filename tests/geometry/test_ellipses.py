@@ -57,6 +57,8 @@ def test_nees_of_something_known_exactly_is_not_a_number():
     assert np.isnan(nees(np.zeros(2), np.zeros((2, 2))))
     assert np.isnan(nees(np.zeros(2), np.diag([1.0, 0.0])))
     assert np.isnan(nees(np.zeros(2), np.array([[1.0, 2.0], [2.0, 1.0]])))
+    nearly = 1.0 - 1e-8
+    assert np.isnan(nees(np.zeros(2), np.array([[1.0, nearly], [nearly, 1.0]])))
 
 
 @pytest.mark.parametrize("d", [1, 2, 3])
