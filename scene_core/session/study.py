@@ -117,11 +117,10 @@ class Study:
 
     @property
     def is_consistent(self) -> bool:
-        """Whether every robot and every calibration lies in its band."""
-        bands = ((self.nees(i), self.nees_band(i)) for i in self.robots)
-        return all(lo <= value <= hi for value, (lo, hi) in bands) and all(
-            one.is_consistent for one in self.calibrations()
-        )
+        """Whether every robot and every calibration lies in its band; not where nobody knows."""
+        bands = [(self.nees(i), self.nees_band(i)) for i in self.robots]
+        known = bool(bands) and all(lo <= value <= hi for value, (lo, hi) in bands)
+        return known and all(one.is_consistent for one in self.calibrations())
 
 
 def study(

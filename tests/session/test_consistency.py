@@ -71,6 +71,8 @@ def test_a_robot_without_a_truth_is_left_out() -> None:
     unknown = RobotOutcome(math.nan, math.nan, 6, math.nan, math.nan)
     both = {"seen": RobotOutcome(3.0, 3.0, 3, 0.1, 0.1), "unseen": unknown}
     assert Study("x", (Outcome(0, both),)).robots == ("seen",)
+    nobody = Study("x", (Outcome(0, {"unseen": both["unseen"]}),))
+    assert nobody.robots == () and not nobody.is_consistent
 
 
 def test_the_table_has_a_row_for_each_robot_and_a_cell_for_each_column() -> None:
