@@ -23,7 +23,7 @@ from scene_core.session.config import (
     RobotSettings,
 )
 from scene_core.session.session import Session
-from scene_core.sources.drivers import ConstantControls
+from scene_core.sources.drivers import ConstantControls, Waypoints
 from scene_core.sources.scattered import RandomPlane, RandomWorld
 from scene_core.sources.simulated import Simulation
 from scene_core.sources.truth import TrueInstrument, TrueMount, TrueRobot
@@ -147,6 +147,8 @@ def robot_with(motion_name: str, sensor_name: str) -> Experiment:
     up = "z" if motion.space.d == 3 else "y"
     base = experiment(a_landmark_for(sensor), {"sensor": sensor}, "sensor")
     pose = forward(sensor)
+    # Both leave it where it is; in the air that takes controls.
+    driver = Waypoints() if motion.navigates else ConstantControls()
     return Experiment(
         name="carrier",
         about="",
@@ -158,7 +160,7 @@ def robot_with(motion_name: str, sensor_name: str) -> Experiment:
         ),
         source=Simulation(
             world=world,
-            robots={"robot": TrueRobot(motion, ConstantControls())},
+            robots={"robot": TrueRobot(motion, driver)},
             mounts={"sensor": TrueMount(sensor, "robot", pose)},
             dt=0.03,
             up=up,
