@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from scene_core.models.registry import KINDS, models
-from scene_core.session.presets import PRESETS, build
+from scene_core.session.presets import PRESETS, build, loadable
 from scene_core.session.report import report
 from scene_core.session.session import Session
 from scene_core.sources.calibration import RIGHT_DOWN, load_calibration
@@ -42,6 +42,12 @@ def test_the_readme_names_every_preset_and_key() -> None:
     session = Session(build("line"))
     session.advance()
     assert [key for key in report(session, 1.0) if f"`{key}`" not in README] == []
+
+
+def test_the_statistics_have_a_row_for_every_simulated_preset() -> None:
+    page = (ROOT / "docs" / "consistency.md").read_text(encoding="utf-8")
+    rows = set(re.findall(r"^\| `(\w+)` \| \w+ \|", page, re.MULTILINE))
+    assert rows == set(loadable())
 
 
 def test_the_page_about_ones_own_models_quotes_every_line_of_the_examples() -> None:
