@@ -27,42 +27,55 @@ UNLIT = "KHR_materials_unlit"
 """glTF's name for a material that no light changes."""
 
 
+def _add_light(scene: viser.SceneApi, world: World, bounds: Bounds) -> None:
+    up = "xyz".index(world.up)
+    scene.set_up_direction("+y" if world.up == "y" else "+z")
+    scene.configure_default_lights(False)
+    scene.add_light_ambient("/map/light/all", intensity=1.0)
+    sun = bounds.centre - 3.0 * bounds.radius * np.array([0.4, 0.7, 0.0])
+    sun[up] = bounds.hi[up] + 4.0 * bounds.radius
+    scene.add_light_directional("/map/light/sun", intensity=1.6, position=tuple(sun))
+    # Reflections of surroundings are two thirds of a picture's cost where no card draws it.
+    scene.configure_environment_map(None)
+    sky = np.linspace((26, 33, 43), (9, 12, 17), 256)[:, None].repeat(8, 1)
+    scene.set_background_image(sky.astype(np.uint8), format="png")
+
+
+def _add_grid(scene: viser.SceneApi, world: World, bounds: Bounds) -> None:
+    up = "xyz".index(world.up)
+    cell = geo.nice(bounds.radius / 6.0)
+    at = bounds.centre.copy()
+    at[up] = bounds.lo[up] - 0.005 * bounds.radius
+    at = np.round(at / cell) * cell * (np.arange(3) != up) + at * (np.arange(3) == up)
+    size = 2.0 * cell * np.ceil(1.6 * bounds.radius / cell)
+    scene.add_grid(
+        "/map/ground",
+        size,
+        size,
+        plane="xy" if world.up == "z" else "xz",
+        position=at,
+        cell_size=cell,
+        section_size=2.0 * cell,
+        cell_color=(30, 37, 47),
+        section_color=(48, 58, 72),
+    )
+
+
 class Ground:
     """Grid, lights and sky; the room's surfaces, seen from inside only."""
 
     def __init__(self, scene: viser.SceneApi, p: Published, world: World, bounds: Bounds) -> None:
-        up = "xyz".index(world.up)
-        scene.set_up_direction("+y" if world.up == "y" else "+z")
-        scene.configure_default_lights(False)
-        scene.add_light_ambient("/map/light/all", intensity=1.0)
-        sun = bounds.centre - 3.0 * bounds.radius * np.array([0.4, 0.7, 0.0])
-        sun[up] = bounds.hi[up] + 4.0 * bounds.radius
-        scene.add_light_directional("/map/light/sun", intensity=1.6, position=tuple(sun))
-        # Reflections of surroundings are two thirds of a picture's cost where no card draws it.
-        scene.configure_environment_map(None)
-        sky = np.linspace((26, 33, 43), (9, 12, 17), 256)[:, None].repeat(8, 1)
-        scene.set_background_image(sky.astype(np.uint8), format="png")
-        cell = geo.nice(bounds.radius / 6.0)
-        at = bounds.centre.copy()
-        at[up] = bounds.lo[up] - 0.005 * bounds.radius
-        at = np.round(at / cell) * cell * (np.arange(3) != up) + at * (np.arange(3) == up)
-        size = 2.0 * cell * np.ceil(1.6 * bounds.radius / cell)
-        scene.add_grid(
-            "/map/ground",
-            size,
-            size,
-            plane="xy" if world.up == "z" else "xz",
-            position=at,
-            cell_size=cell,
-            section_size=2.0 * cell,
-            cell_color=(30, 37, 47),
-            section_color=(48, 58, 72),
-        )
+        _add_light(scene, world, bounds)
+        _add_grid(scene, world, bounds)
         place = geo.place_of_world(p)
         self.room = scene.add_frame(
             "/map/room", show_axes=False, position=place[:3], wxyz=place[3:]
         )
         self._add_outline(scene, p, world)
+        self._add_surfaces(scene, p)
+
+    @staticmethod
+    def _add_surfaces(scene: viser.SceneApi, p: Published) -> None:
         ground = geo.ground_mesh(p.experiment.source)
         if ground is not None:
             scene.add_mesh_simple(

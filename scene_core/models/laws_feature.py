@@ -19,11 +19,10 @@ from scene_core.models.judge import (
     not_equal,
     not_shaped,
     projectively_equal,
-    sample_pose,
-    sample_rays,
     tried,
 )
 from scene_core.models.laws_partial import partial_laws
+from scene_core.models.trial_states import sample_pose, sample_rays
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ from scene_core.models.judge import (
     not_shaped,
     not_spread_like,
     tried,
-    with_unit_quaternion,
 )
+from scene_core.models.trial_states import with_unit_quaternion
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,6 @@ from scene_core.models.judge import (
     DT,
     Law,
     angles_of,
-    awkward_states,
     first,
     judge_jacobians,
     not_covariance,
@@ -23,11 +22,10 @@ from scene_core.models.judge import (
     not_shaped,
     not_spread_like,
     own_scale,
-    sample_pose,
-    sample_state,
     tried,
 )
 from scene_core.models.laws_navigation import not_navigating, not_resting
+from scene_core.models.trial_states import awkward_states, sample_pose, sample_state
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,9 @@ from scene_core.models.judge import (
     not_equal,
     not_shaped,
     projectively_equal,
-    sample_pose,
-    sample_rays,
     tried,
 )
+from scene_core.models.trial_states import sample_pose, sample_rays
 
 
 @dataclass(frozen=True)

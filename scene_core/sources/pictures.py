@@ -21,6 +21,16 @@ from scene_core.sources.vision import Patch, extract, search_patches
 from scene_core.sources.worlds import SimulatedWorld
 
 
+def photographable(world: SimulatedWorld) -> SimulatedWorld:
+    """The same world. Raises SourceError when there is nothing in it to take pictures of."""
+    if not world.surfaces():
+        raise SourceError(
+            f"the world '{world.name}' has no surfaces to render: choose one that has, such as "
+            "'room', or leave the rendering out"
+        )
+    return world
+
+
 def photographed(
     room: SimulatedWorld,
     sensor: Sensor,

@@ -43,6 +43,7 @@ from scene_core.sources.truth import (
     TrueMarker,
     TrueMount,
     TrueRobot,
+    check_mounts,
     retold,
     told,
 )
@@ -133,7 +134,10 @@ class Simulation:
     ) -> Sequence[Detection]:
         raw, m = frame.raw[mount], self.mounts[mount]
         if isinstance(raw, Image):
-            where = self._room(), *self._camera(mount, self.true_states(frame))
+            where = (
+                pictures.photographable(self.world),
+                *self._camera(mount, self.true_states(frame)),
+            )
             key = (self.seed, frame.index)
             return pictures.detected(raw, occupied.h, count, vision, key, where)
         if occupied.shape == "segment":
@@ -144,7 +148,10 @@ class Simulation:
         """The patch at z, or the measured point nearest to z within a twentieth of the range."""
         raw, sensor = frame.raw[mount], self.mounts[mount].sensor
         if isinstance(raw, Image):
-            where = self._room(), *self._camera(mount, self.true_states(frame))
+            where = (
+                pictures.photographable(self.world),
+                *self._camera(mount, self.true_states(frame)),
+            )
             return pictures.pointed_at(raw, z, vision, where)
         found = points.nearest_identity(raw, z)
         span = np.array([high - low for low, high in sensor.limits])
@@ -160,7 +167,7 @@ class Simulation:
         by name ("poster:0" to "poster:3") by its patch in the first image."""
         if self.rendering is None or not isinstance(known, str):
             return known
-        place = pictures.known_places(self._room(), [known])[known]
+        place = pictures.known_places(pictures.photographable(self.world), [known])[known]
         state = self.start()
         frame, _ = self.advance(state, 0)
         for mount, raw in frame.raw.items():
@@ -245,34 +252,22 @@ class Simulation:
         check_drivers(self.robots)
         known = (*landmarks(self.world)[0], *lines(self.world).ids)
         markers.check(self.markers, self.robots, known)
-        for i, mount in self.mounts.items():
-            if mount.robot not in self.robots:
-                raise SourceError(f"source.mounts.{i}: there is no true robot '{mount.robot}'")
-            n = mount.sensor.space.n
-            if len(mount.pose) != n:
-                raise SourceError(
-                    f"source.mounts.{i}.pose: give {n} numbers, not {len(mount.pose)}"
-                )
+        check_mounts(self.mounts, self.robots)
         if self.rendering is not None:
-            self._room()
+            pictures.photographable(self.world)
         if self.rendering is not None and self.markers:
             raise SourceError(
                 "source.markers: rendered pictures show no markers; leave out either of them"
             )
 
-    def _room(self) -> SimulatedWorld:
-        """The world, which has something to take pictures of."""
-        if not self.world.surfaces():
-            raise SourceError(
-                f"the world '{self.world.name}' has no surfaces to render: choose one that has, "
-                "such as 'room', or leave the rendering out"
-            )
-        return self.world
-
     def _camera(self, mount: str, xv: Mapping[str, Vec]) -> tuple[Sensor, Vec, Vec]:
         """A sensor, its true calibration and its true pose."""
         m = self.mounts[mount]
         return m.sensor, m.true_calib(), self.true_pose(mount, xv)
+
+    def _view(self, mount: str, xv: Mapping[str, Vec]) -> tuple[SimulatedWorld, Sensor, Vec, Vec]:
+        """What is photographed, and by which camera from where."""
+        return pictures.photographable(self.world), *self._camera(mount, xv)
 
     def _measured(self, mount: str, state: SimulationState, index: int) -> Raw:
         sensor, calib, now = self._camera(mount, state.xv)
@@ -280,7 +275,7 @@ class Simulation:
         if self.rendering is None or sensor.labels != ("u", "v"):
             return self._listed(mount, state, index)
         return pictures.photographed(
-            self._room(),
+            pictures.photographable(self.world),
             sensor,
             calib,
             (self.true_pose(mount, state.before), now),

@@ -92,6 +92,16 @@ class TrueMount:
         return index >= self.offset and (index - self.offset) % self.every == 0
 
 
+def check_mounts(mounts: Mapping[str, TrueMount], robots: Mapping[str, TrueRobot]) -> None:
+    """Raises SourceError for a sensor that is on no robot, or at a place of another dimension."""
+    for i, mount in mounts.items():
+        if mount.robot not in robots:
+            raise SourceError(f"source.mounts.{i}: there is no true robot '{mount.robot}'")
+        n = mount.sensor.space.n
+        if len(mount.pose) != n:
+            raise SourceError(f"source.mounts.{i}.pose: give {n} numbers, not {len(mount.pose)}")
+
+
 @dataclass(frozen=True)
 class TrueInstrument:
     """An internal measurement as it is really made."""

@@ -26,16 +26,11 @@ from scene_core.models.features.inverse_depth_line import InverseDepthLine
 from scene_core.models.internal.compass import Compass
 from scene_core.models.internal.height import Height
 from scene_core.models.internal.roll_pitch import RollPitch
-from scene_core.models.judge import (
-    angles_of,
-    difference,
-    projectively_equal,
-    sample_pose,
-    sample_state,
-)
+from scene_core.models.judge import angles_of, difference, projectively_equal
 from scene_core.models.motion.impulse import Impulse
 from scene_core.models.motion.inertial import Inertial
 from scene_core.models.motion.unicycle import PlanarUnicycle
+from scene_core.models.trial_states import sample_pose, sample_state
 from scene_core.params import ParamError
 
 SPACES = {"1-D": ONE_D, "2-D": TWO_D, "3-D": THREE_D}
