@@ -54,6 +54,9 @@ class Cameras:
         self._fits: dict[int, deque[Vec]] = defaultdict(_last_places)
         """Where browsers were put to see all of the map, at first and by their numbers; a late
         report may tell of any of them."""
+        self._own: dict[int, tuple[Vec, Vec]] = {}
+        """What browsers had kept and were given back: position and target. The start may reach one
+        of them later, and the report that it stands there."""
         self._resized: set[int] = set()
         self._last: Vec | None = None
         self._when = time.monotonic()
@@ -82,6 +85,7 @@ class Cameras:
         start.fov, start.up = FOV, self._up()
         if changed:
             self.modes.clear()
+            self._own.clear()
             for client in self.server.get_clients().values():
                 self._hide(client, False)
                 self._fit(client, bounds)
@@ -102,8 +106,13 @@ class Cameras:
 
     def _refit(self, client: viser.ClientHandle, bounds: Bounds) -> None:
         """Fit a view that was never moved to other bounds or to a canvas of another shape."""
-        if self._is_fitted(client, bounds):
+        if not self._is_fitted(client, bounds):
+            return
+        own = self._own.get(client.client_id)
+        if own is None:
             self._fit(client, bounds)
+        else:
+            self._set(client, *own)
 
     def _is_fitted(self, client: viser.ClientHandle, bounds: Bounds) -> bool:
         """Whether a browser's camera is where it was put to see all of the map."""
@@ -170,6 +179,7 @@ class Cameras:
                 self._carry(client, view, step, eye, dt)
 
     def _begin(self, client: viser.ClientHandle, view: View, robot: Vec, bounds: Bounds) -> None:
+        self._own.pop(client.client_id, None)
         self._hide(client, view == "eye")
         client.camera.fov = self.eye_fov if view == "eye" else FOV
         if view in ("perspective", "top", "side"):
@@ -211,6 +221,7 @@ class Cameras:
             text = None
         kept = read_camera(text, self.run_name)
         if kept is not None:
+            self._own[client.client_id] = kept
             self._set(client, *kept)
         self._resized.add(client.client_id)
         client.camera.on_update(self._remember)
@@ -228,7 +239,8 @@ class Cameras:
     def _save(self, client: viser.ClientHandle) -> None:
         del self._saving[client.client_id]
         if self.bounds is not None and self._is_fitted(client, self.bounds):
-            client.local_storage.set_item("scene-camera", "null")
+            if client.client_id not in self._own:
+                client.local_storage.set_item("scene-camera", "null")
             return
         kept = {
             "run": self.run_name,
@@ -238,7 +250,8 @@ class Cameras:
         client.local_storage.set_item("scene-camera", json.dumps(kept))
 
     async def _gone(self, client: viser.ClientHandle) -> None:
-        for book in (self.modes, self._asked, self._hidden, self._aspects, self._fits):
+        books = (self.modes, self._asked, self._hidden, self._aspects, self._fits, self._own)
+        for book in books:
             book.pop(client.client_id, None)
         timer = self._saving.pop(client.client_id, None)
         if timer is not None:

@@ -334,6 +334,30 @@ def test_a_browser_that_hears_of_the_start_after_its_own_place_is_put_there_agai
         assert wait(lambda: cameras.moving)
 
 
+def test_a_browser_that_hears_of_the_start_after_its_own_kept_view_is_given_that_again(
+    server: viser.ViserServer,
+) -> None:
+    cameras = Cameras(server)
+    bounds = map_geometry.Bounds(np.array([-1.0, -2.0, 0.0]), np.array([3.0, 2.0, 1.0]))
+    own = np.array([5.0, 5.0, 2.0])
+    with raw_client(server) as client:
+        assert wait(lambda: len(server.get_clients()) == 1)
+        (handle,) = server.get_clients().values()
+        handle.camera.on_update(cameras._remember)
+        cameras.place("a run", bounds, "z")
+        cameras._own[handle.client_id] = (own, bounds.centre)
+        stand(server, client, server.initial_camera.position, 400)
+        assert wait(lambda: cameras.moving)
+        cameras.move(np.zeros(3), None, bounds)
+        assert np.allclose(handle.camera.position, own)
+        cameras.ask(handle, "perspective")
+        cameras.move(np.zeros(3), None, bounds)
+        wanted, _ = cameras._standing("perspective", bounds, 400 / 600)
+        assert np.allclose(handle.camera.position, wanted)
+        cameras.refit(bounds)
+        assert np.allclose(handle.camera.position, wanted)
+
+
 def test_flags_are_smaller_than_the_way_between_them() -> None:
     line = np.array([[0.0, 0, 0], [0.4, 0, 0], [0.4, 0, 0], [np.nan] * 3, [4.0, 0, 0]])
     assert flag_height(line, 0.3) == pytest.approx(0.1)
