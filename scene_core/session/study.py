@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from time import process_time
 from typing import NamedTuple
@@ -134,11 +135,9 @@ def study(
     for seed in seeds:
         session = Session(with_seed(experiment, seed), history_bytes=0)
         start = process_time()
-        try:
+        with suppress(EndOfData):  # a run with an end of its own is complete there
             while frames is None or session.frame + 1 < frames:
                 session.advance()
-        except EndOfData:
-            pass
         outcomes.append(_outcome(session, seed, process_time() - start))
         done(outcomes[-1])
     return Study(experiment.name, tuple(outcomes))
