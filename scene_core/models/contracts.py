@@ -19,7 +19,8 @@ class Contract:
 
     A shape is written in letters, "n u" for (n, u): n state, u controls, k calibration, p position
     state, m measurement, X homogeneous point or points, o what is left open, d spatial dimensions,
-    s successor's state, q needed components. Functions with `rows` are batched.
+    s successor's state, e ends of a segment, q needed components. Functions with `rows` are
+    batched.
     """
 
     parts: tuple[str, ...]
@@ -30,6 +31,8 @@ class Contract:
     """For every argument how many axes belong to one row; None where it is not batched."""
     dtype: type = float
     may_be_none: bool = False
+    is_finite: bool = True
+    """False for what need not exist, like the place where two parallels meet."""
 
 
 MOTION = {
@@ -62,6 +65,8 @@ FEATURE = {
     "graphics": Contract(("d", "d d"), base.Glyphs, (1, 2)),
     "ready": Contract(("",), rows=(1, 2, None), dtype=bool),
     "convert": Contract(("s", "s n"), base.Converted, (1,)),
+    "ends": Contract(("X",), rows=(1, 1)),
+    "along": Contract(("e",), rows=(1, None, 2), is_finite=False),
 }
 INTERNAL = {
     "h": Contract(("m", "m q"), base.InternalMeasurement),
@@ -100,7 +105,7 @@ def dimensions(model: Any, function: str, args: tuple[Any, ...]) -> Mapping[str,
             return {**sizes, "X": X, "o": len(model.unmeasured)}
         case FeatureModel():
             ends = 2 if model.shape == "segment" else 1
-            sizes = dict(n=model.state_size, p=model.space.n, d=model.space.d)
+            sizes = dict(n=model.state_size, p=model.space.n, d=model.space.d, e=2)
             sizes["X"] = ends * (model.space.d + 1)
             after = model.successor()
             return sizes if after is None else {**sizes, "s": after.state_size}

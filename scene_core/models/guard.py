@@ -168,7 +168,8 @@ def _result(
         return None
     dims, lead = dimensions(model, name, args), rows_of(contract, args)
     if contract.result is None:
-        return _array(where, name, result, lead, contract.parts[0], dims, contract.dtype)
+        array = _array(where, name, result, lead, contract.parts[0], dims, contract.dtype)
+        return _finite(where, name, array) if contract.is_finite else array
     if isinstance(result, np.ndarray):
         result = contract.result(result)
     if not isinstance(result, contract.result):
@@ -183,7 +184,9 @@ def _result(
         parts.append(
             None
             if value is None
-            else _array(where, part, value, lead, shape, dims, float, may_broadcast=i > 0)
+            else _finite(
+                where, part, _array(where, part, value, lead, shape, dims, may_broadcast=i > 0)
+            )
         )
     return _filled(contract.result(*parts), args, method)
 
@@ -195,7 +198,7 @@ def _array(
     lead: tuple[int, ...],
     shape: str | None,
     dims: Mapping[str, int],
-    dtype: type,
+    dtype: type = float,
     may_broadcast: bool = False,
 ) -> np.ndarray:
     try:
@@ -217,6 +220,10 @@ def _array(
             fits = ends and _broadcasts(ahead, lead)
         if not fits:
             raise ModelError(f"{where}: {part} has shape {array.shape}, not {lead + core}")
+    return array
+
+
+def _finite(where: str, part: str, array: np.ndarray) -> np.ndarray:
     if not np.isfinite(array).all():
         raise ModelError(f"{where}: {part} is not finite")
     return array

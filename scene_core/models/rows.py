@@ -120,36 +120,61 @@ def _same(alone: Any, batch: Any, is_random: bool) -> bool:
 
 def _trial(model: Any, name: str, rng: np.random.Generator) -> tuple[Any, ...] | None:
     """Arguments with a batch axis."""
+    trials = _of_sensor(model, rng) if isinstance(model, Sensor) else _of_feature(model, rng)
+    return trials.get(name)
+
+
+def _of_sensor(model: Sensor, rng: np.random.Generator) -> dict[str, tuple[Any, ...]]:
     d, pose = model.space.d, model.space.identity()
-    if isinstance(model, Sensor):
-        lo, hi = np.array(model.limits, dtype=np.float64).T
-        z = lo + (hi - lo) * rng.uniform(0.1, 0.9, (COUNT, model.measurement_size))
-        k, n = np.asarray(model.calib0), rng.uniform(0.1, 1.0, (COUNT, len(model.unmeasured)))
-        X = _points(d, rng)
-        S = np.tile(np.eye(model.measurement_size), (COUNT, 1, 1)) * z[:, :1, None] ** 2
-        poses = np.tile(pose, (COUNT, 1))
-        return {
-            "project": (X, k),
-            "backproject": (z, n, k),
-            "R": (z,),
-            "nu": (z, z[::-1]),
-            "visibility": (z, X, pose, poses, X),
-            "selection_score": (S,),
-            "h_noisy": (X, k, rng),
-        }.get(name)
-    if isinstance(model, FeatureModel) and model.shape == "point":
-        y = rng.uniform(0.1, 1.0, (COUNT, model.state_size))
-        P = np.tile(np.eye(model.state_size), (COUNT, 1, 1))
-        return {
-            "initialise": (pose, _points(d, rng)),
-            "primitive": (y,),
-            "redefine": (y, pose),
-            "normalise": (y,),
-            "graphics": (y, P),
-            "ready": (y, P, pose),
-            "convert": (y,) if model.successor() is not None else None,
-        }.get(name)
-    return None
+    lo, hi = np.array(model.limits, dtype=np.float64).T
+    z = lo + (hi - lo) * rng.uniform(0.1, 0.9, (COUNT, model.measurement_size))
+    k, n = np.asarray(model.calib0), rng.uniform(0.1, 1.0, (COUNT, len(model.unmeasured)))
+    X = _points(d, rng)
+    S = np.tile(np.eye(model.measurement_size), (COUNT, 1, 1)) * z[:, :1, None] ** 2
+    poses = np.tile(pose, (COUNT, 1))
+    return {
+        "project": (X, k),
+        "backproject": (z, n, k),
+        "R": (z,),
+        "nu": (z, z[::-1]),
+        "visibility": (z, X, pose, poses, X),
+        "selection_score": (S,),
+        "h_noisy": (X, k, rng),
+    }
+
+
+def _of_feature(model: FeatureModel, rng: np.random.Generator) -> dict[str, tuple[Any, ...]]:
+    d, pose = model.space.d, model.space.identity()
+    ends = [_points(d, rng) for _ in range(2 if model.shape == "segment" else 1)]
+    X = np.concatenate(ends, axis=-1)
+    y = _states(model, pose, X, rng)
+    P = np.eye(model.state_size) * rng.uniform(0.5, 1.5, (COUNT, 1, 1))
+    trials: dict[str, tuple[Any, ...]] = {
+        "initialise": (pose, X),
+        "primitive": (y,),
+        "redefine": (y, pose),
+        "normalise": (y,),
+        "graphics": (y, P),
+        "ready": (y, P, pose),
+    }
+    if model.successor() is not None:
+        trials["convert"] = (y,)
+    if model.shape == "segment":
+        rays = np.stack([end[:, :d] for end in ends], axis=1)
+        trials["ends"] = (y, rng.uniform(-1.0, 1.0, (COUNT, 2)))
+        trials["along"] = (y, np.zeros(d), rays)
+    return trials
+
+
+def _states(model: FeatureModel, pose: np.ndarray, X: np.ndarray, rng: np.random.Generator) -> Any:
+    """States of what is seen, one by one: of a line not every vector is one."""
+    try:
+        born: list[Any] = [model.initialise(pose, row) for row in X]
+        y = np.array([one[0] if isinstance(one, tuple) else one for one in born])
+    except Exception:  # it is the user's code: the report will say
+        y = np.zeros(0)
+    fits = y.shape == (COUNT, model.state_size) and np.isfinite(y).all()
+    return y if fits else rng.uniform(0.1, 1.0, (COUNT, model.state_size))
 
 
 def _points(d: int, rng: np.random.Generator) -> np.ndarray:

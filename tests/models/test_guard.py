@@ -9,10 +9,11 @@ import pytest
 
 from scene_core.models import guard, registry
 from scene_core.models.base import Projection
-from scene_core.models.features.point_2d import Point2D
 from scene_core.models.motion.unicycle import PlanarUnicycle
 from scene_core.models.rows import not_batched
 from scene_core.models.sensors.range_bearing import RangeBearing
+
+FED = ("sensors", "features")
 
 
 class Alone(RangeBearing):
@@ -40,7 +41,7 @@ def test_a_function_for_single_rows_is_found_out_and_fed_row_by_row() -> None:
     assert model.h_noisy(X[0], k, rng).shape == (3, 2)
 
 
-@pytest.mark.parametrize("cls", [RangeBearing, Point2D, *registry.built_in("sensors").values()])
+@pytest.mark.parametrize("cls", [c for k in FED for c in registry.built_in(k).values()])
 def test_the_built_in_models_are_all_batched(cls: type) -> None:
     assert not_batched(cls(), np.random.default_rng(0)) == frozenset()
 
