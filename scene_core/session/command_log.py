@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from scene_core.filter.records import PhaseRecord
+from scene_core.filter.world import World
 from scene_core.session.commands import Command
 from scene_core.session.edits import Edit, Settings, values_of
-from scene_core.session.frame_end import AtEnd
+from scene_core.session.frame_end import Deed
 
 
 @dataclass(frozen=True)
 class LoggedEdit:
     """A command, and the settings it led to."""
 
-    command: Edit
+    command: Edit | None
+    """None: they differ in what there is to undo only."""
     settings: Settings
 
 
@@ -22,13 +25,14 @@ class CommandLog:
 
     def __init__(self) -> None:
         self._edits: dict[int, list[LoggedEdit]] = {}
-        self._at_ends: dict[int, list[AtEnd]] = {}
+        self._deeds: dict[int, list[Deed]] = {}
+        self._idle: dict[Deed, str] = {}
 
     @property
     def commands(self) -> tuple[tuple[int, Command], ...]:
         """The frame at which each command took effect, and the command."""
-        edits = [(f, e.command) for f, logged in self._edits.items() for e in logged]
-        ends = [(f, c) for f, cs in self._at_ends.items() for c in cs]
+        edits = [(f, e.command) for f, es in self._edits.items() for e in es if e.command]
+        ends = [(f, d.command) for f, ds in self._deeds.items() for d in ds]
         return tuple(sorted(edits + ends, key=lambda entry: entry[0]))
 
     def settings(self, frame: int, before: Settings) -> Settings:
@@ -43,29 +47,53 @@ class CommandLog:
     def edit(self, frame: int, command: Edit, settings: Settings) -> None:
         """From a frame on. Repeated edits of the same parameters are one."""
         logged, values = self._edits.setdefault(frame, []), values_of(command)
-        if values and logged and values_of(logged[-1].command).keys() == values.keys():
+        last = logged[-1].command if logged else None
+        if values and last is not None and values_of(last).keys() == values.keys():
             logged.pop()
         logged.append(LoggedEdit(command, settings))
+
+    def mark(self, frame: int, settings: Settings) -> None:
+        """The same experiment, but from a frame on there is something else to undo."""
+        self._edits.setdefault(frame, []).append(LoggedEdit(None, settings))
 
     def bring_forward(self, frame: int) -> bool:
         """Let the edits that wait for the frame after this one begin with it; whether there are
         any."""
-        waiting = self._edits.pop(frame + 1, [])
-        if waiting:
-            self._edits.setdefault(frame, []).extend(waiting)
-        return bool(waiting)
+        if not any(e.command for e in self._edits.get(frame + 1, ())):
+            return False
+        self._edits.setdefault(frame, []).extend(self._edits.pop(frame + 1))
+        return True
 
-    def at_end(self, frame: int, command: AtEnd) -> None:
+    def add(self, deed: Deed) -> None:
         """Do something when a frame is complete."""
-        self._at_ends.setdefault(frame, []).append(command)
+        self._deeds.setdefault(deed.frame, []).append(deed)
 
-    def ends_of(self, frame: int) -> tuple[AtEnd, ...]:
+    def drop(self, deed: Deed) -> None:
+        """It was never asked for."""
+        self._deeds[deed.frame].remove(deed)
+        self._idle.pop(deed, None)
+
+    def deeds_of(self, frame: int) -> tuple[Deed, ...]:
         """What is done when a frame is complete."""
-        return tuple(self._at_ends.get(frame, ()))
+        return tuple(self._deeds.get(frame, ()))
+
+    def holds(self, deed: Deed) -> bool:
+        return deed in self._deeds.get(deed.frame, ())
+
+    def did(self, deed: Deed, record: PhaseRecord, before: World) -> None:
+        """What came of it, this time."""
+        self._idle.pop(deed, None)
+        if record.world is before:
+            self._idle[deed] = record.events[-1].text
+
+    def idle(self, deed: Deed) -> str:
+        """Why nothing came of it; empty: something did, or may."""
+        return self._idle.get(deed, "")
 
     def forget_after(self, frame: int) -> None:
         """Something new after the end of `frame` makes void what was logged later."""
         for later in [f for f in self._edits if f > frame + 1]:
             del self._edits[later]
-        for later in [f for f in self._at_ends if f > frame]:
-            del self._at_ends[later]
+        for later in [f for f in self._deeds if f > frame]:
+            del self._deeds[later]
+        self._idle = {deed: why for deed, why in self._idle.items() if deed.frame <= frame}

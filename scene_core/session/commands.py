@@ -49,12 +49,13 @@ class SetParams:
 
 @dataclass(frozen=True)
 class Undo:
-    """Take the last parameter edit back."""
+    """Take back what was done last: an edit from the next frame on; a feature that was deleted or
+    started by hand, and a move of the axes, as if it had never been."""
 
 
 @dataclass(frozen=True)
 class Redo:
-    """Do the last undone edit again."""
+    """Do again what was undone last: an edit from the next frame on, anything else where it was."""
 
 
 @dataclass(frozen=True)

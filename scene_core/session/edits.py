@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
@@ -10,6 +10,7 @@ from scene_core import params
 from scene_core.params import ParamError
 from scene_core.session.commands import Redo, ResetParams, SetParam, SetParams, SwapModel, Undo
 from scene_core.session.config import Experiment
+from scene_core.session.frame_end import Deed
 from scene_core.session.roles import swapped
 from scene_core.session.simulated_roles import check_drivers
 
@@ -22,10 +23,10 @@ class Settings:
     """An experiment with the edits that led to it: a value, so that stepping back restores it."""
 
     experiment: Experiment
-    past: tuple[Experiment, ...] = ()
-    """What undo goes back to, oldest first."""
-    future: tuple[Experiment, ...] = ()
-    """What redo goes forward to, next one last."""
+    past: tuple[Experiment | Deed, ...] = ()
+    """What undo goes back to, or takes back, oldest first."""
+    future: tuple[Experiment | Deed, ...] = ()
+    """What redo goes forward to, or does again, next one last."""
     path: str = ""
     """The parameter the last edit was about: more edits of it in one gesture are one step."""
 
@@ -34,15 +35,50 @@ class Settings:
         past = self.past if same_step else (*self.past, self.experiment)[-UNDO_STEPS:]
         return Settings(experiment, past, (), path)
 
+    def after(self, deed: Deed) -> Settings:
+        """After something that changes no setting, but can be undone."""
+        return Settings(self.experiment, (*self.past, deed)[-UNDO_STEPS:])
+
+    @property
+    def undoes(self) -> Experiment | Deed | None:
+        """What undo goes back to, or takes back."""
+        return self.past[-1] if self.past else None
+
+    @property
+    def redoes(self) -> Experiment | Deed | None:
+        """What redo goes forward to, or does again."""
+        return self.future[-1] if self.future else None
+
     def undone(self) -> Settings:
         if not self.past:
-            raise ParamError("nothing to undo: no parameter was changed")
-        return Settings(self.past[-1], self.past[:-1], (*self.future, self.experiment))
+            raise ParamError("nothing to undo: nothing was changed")
+        *past, last = self.past
+        if isinstance(last, Deed):
+            return Settings(self.experiment, tuple(past), (*self.future, last))
+        return Settings(last, tuple(past), (*self.future, self.experiment))
 
     def redone(self) -> Settings:
         if not self.future:
-            raise ParamError("nothing to redo: no edit was undone")
-        return Settings(self.future[-1], (*self.past, self.experiment), self.future[:-1])
+            raise ParamError("nothing to redo: nothing was undone")
+        *future, last = self.future
+        if isinstance(last, Deed):
+            return Settings(self.experiment, (*self.past, last), tuple(future))
+        return Settings(last, (*self.past, self.experiment), tuple(future))
+
+    def without_deeds(
+        self, gone: Callable[[Deed], bool], not_again: Callable[[Deed], bool]
+    ) -> Settings:
+        """Without deeds there is nothing of to undo, nor those that can not be done again; the
+        same object when there are none."""
+        past = tuple(s for s in self.past if not (isinstance(s, Deed) and gone(s)))
+        future = tuple(s for s in self.future if not (isinstance(s, Deed) and not_again(s)))
+        if len(past) == len(self.past) and len(future) == len(self.future):
+            return self
+        return replace(self, past=past, future=future)
+
+    def edits_only(self) -> Settings:
+        """For another run, in which nothing was done yet."""
+        return self.without_deeds(lambda _: True, lambda _: True)
 
 
 def set_param(experiment: Experiment, path: str, value: object) -> Experiment:

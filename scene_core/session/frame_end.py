@@ -4,6 +4,7 @@ axes are moved."""
 from __future__ import annotations
 
 from collections.abc import Container
+from dataclasses import dataclass
 from time import perf_counter
 
 from scene_core.filter.axes import redefine
@@ -18,6 +19,24 @@ from scene_core.session.commands import DeleteFeature, InitialiseAt, ZeroAxes
 
 AtEnd = InitialiseAt | DeleteFeature | ZeroAxes
 """Commands that act at the end of a frame."""
+
+
+@dataclass(frozen=True, eq=False)
+class Deed:
+    """A command at the end of a frame; given twice it is two deeds."""
+
+    frame: int
+    command: AtEnd
+
+    @property
+    def name(self) -> str:
+        match self.command:
+            case InitialiseAt():
+                return "the feature started by hand"
+            case DeleteFeature(label):
+                return f"the deletion of feature {label}"
+            case ZeroAxes():
+                return "the move of the axes"
 
 
 def check(

@@ -17,12 +17,15 @@ from scene_core.session.command_log import CommandLog
 from scene_core.session.commands import ZeroAxes
 from scene_core.session.config import Experiment
 from scene_core.session.edits import Edit, Settings, until_reset
-from scene_core.session.frame_end import AtEnd
+from scene_core.session.frame_end import AtEnd, Deed
 from scene_core.session.history import Moment
 from scene_core.session.open_frame import OpenFrame, opened
 from scene_core.session.past import Past
 from scene_core.session.start import initial_world
 from scene_core.session.swap import Reconfigured, reconfigure
+
+FRAMES_AGAIN = 200
+"""Undo computes no more frames again at once: nothing else is answered meanwhile."""
 
 
 class Run:
@@ -72,7 +75,19 @@ class Run:
     @property
     def settings(self) -> Settings:
         """As last edited: in force now or with the next frame."""
+        return self._logged.without_deeds(self._is_gone, self._not_again)
+
+    @property
+    def _logged(self) -> Settings:
+        """With all deeds, also those still to come when frames are computed again."""
         return self.log.settings(self.frame + 1, self.in_force)
+
+    def _is_gone(self, deed: Deed) -> bool:
+        done = deed.frame <= self.frame and self.log.holds(deed)
+        return not done or bool(self.log.idle(deed))
+
+    def _not_again(self, deed: Deed) -> bool:
+        return deed.frame > self.frame or self.log.holds(deed)
 
     def running(self, settings: Settings) -> Experiment:
         """Settings less what waits for a reset; the same object for the same settings."""
@@ -105,17 +120,18 @@ class Run:
         return record
 
     def _opened(self) -> OpenFrame:
-        settings = self.settings
+        settings = self._logged
         now = self.running(settings)
         return opened(self._at, settings, self.running(self._at.settings), now)
 
     def _finish(self, now: OpenFrame) -> None:
         trace = now.trace(complete=True)
-        for command in self.log.ends_of(trace.frame.index):
+        for deed in self.log.deeds_of(trace.frame.index):
             try:
-                record = self._done(trace, command)
+                record = self._done(trace, deed.command)
             except ParamError as why:
                 record = frame_end.refused(trace, why)
+            self.log.did(deed, record, trace.world)
             trace = replace(trace, records=(*trace.records, record))
         at = Moment(trace.frame.index, trace.world, now.state, now.settings)
         self.past.enter(at, trace, now.source_ms)
@@ -176,8 +192,13 @@ class Run:
         measured = self.trace.frame.raw if self.trace else ()
         frame_end.check(command, self.world, self.frame, self.half_stepped, measured)
         record = None if self._trace is None or self._open else self._done(self._trace, command)
+        deed, before = Deed(self.frame, command), self.settings
         self._discard_future(self.frame, computed=self._at.frame)
-        self.log.at_end(self.frame, command)
+        self.log.add(deed)
+        if record is not None and self._trace is not None:
+            self.log.did(deed, record, self._trace.world)
+        if not self.log.idle(deed):
+            self.log.mark(self.frame + 1, before.after(deed))
         if record is None or self._trace is None:
             return frame_end.waiting(command)
         trace = replace(self._trace, records=(*self._trace.records, record))
@@ -185,6 +206,42 @@ class Run:
         self.past.enter_anew(at, trace, self._source_ms)
         self._at, self._trace = at, trace
         return record.events[-1].text
+
+    def take_back(self, deed: Deed) -> str:
+        """As if a deed, which was the last thing done, had not been; the run stays in its frame.
+        Returns a sentence; raises ParamError when it was too many frames ago."""
+        self._check_distance(deed)
+        after = self.settings.undone()
+        self._discard_future(self.frame, computed=deed.frame - 1)
+        self.log.drop(deed)
+        self.log.mark(self.frame + 1, after)
+        return f"undone: {deed.name}{self._compute_since(deed)}"
+
+    def do_again(self, deed: Deed) -> str:
+        """What was taken back is done where it was done; the run stays in its frame."""
+        self._check_distance(deed)
+        after = self.settings.redone()
+        self._discard_future(self.frame, computed=deed.frame - 1)
+        self.log.add(deed)
+        self.log.mark(self.frame + 1, after)
+        again = self._compute_since(deed)
+        return self.log.idle(deed) or f"done again: {deed.name}{again}"
+
+    def _check_distance(self, deed: Deed) -> None:
+        if self.frame - deed.frame > FRAMES_AGAIN:
+            raise ParamError(
+                f"{deed.name} was at the end of frame {deed.frame}, more than {FRAMES_AGAIN} "
+                "frames ago: go to that frame, and try again there"
+            )
+
+    def _compute_since(self, deed: Deed) -> str:
+        """To where the run stands now, from before a deed; a sentence when that is a way."""
+        complete, phases = self._at.frame, len(self._open.records) if self._open else 0
+        self.go_to(complete)
+        for _ in range(phases):
+            self.step_phase()
+        frames = f"frames {deed.frame} to {self.frame}"
+        return f"; {frames} computed again" if self.frame > deed.frame else ""
 
     def _done(self, trace: Trace, command: AtEnd) -> PhaseRecord:
         now = self.running(self.in_force)

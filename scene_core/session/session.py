@@ -29,6 +29,7 @@ from scene_core.session.commands import (
 )
 from scene_core.session.config import Experiment
 from scene_core.session.edits import Edit, Settings, edited, same_values, uses, values_of, waits
+from scene_core.session.frame_end import Deed
 from scene_core.session.metrics import Metrics
 from scene_core.session.roles import outdated
 from scene_core.session.run import Run
@@ -59,7 +60,7 @@ class Session:
 
     def reset(self) -> None:
         """Start the scenario again, with the settings as edited."""
-        self._start(self.settings)
+        self._start(self.settings.edits_only())
         self._say("started again with the settings as they are")
 
     def _start(self, settings: Settings) -> None:
@@ -159,7 +160,7 @@ class Session:
     def step_phase(self) -> PhaseRecord:
         """The next phase. After the last one of a frame the frame is complete."""
         record = self._live.step_phase()
-        if not self.half_stepped and self._live.log.ends_of(self.frame) and self.trace:
+        if not self.half_stepped and self._live.log.deeds_of(self.frame) and self.trace:
             self.message = self.trace.records[-1].events[-1].text
         return record
 
@@ -200,6 +201,10 @@ class Session:
         command makes no sense; nothing has changed then.
         """
         match command:
+            case Undo() if isinstance(deed := self.settings.undoes, Deed):
+                self.message = self._live.take_back(deed)
+            case Redo() if isinstance(deed := self.settings.redoes, Deed):
+                self.message = self._live.do_again(deed)
             case SetParam() | SetParams() | SwapModel() | Undo() | Redo() | ResetParams():
                 self._edit(command, playing)
             case InitialiseAt() | DeleteFeature() | ZeroAxes():
