@@ -159,3 +159,31 @@ def test_error_and_consistency_are_the_toolbox_s(run) -> None:
     assert error == pytest.approx(float(data["pos_err"][-1, 0]), rel=0.25)
     ours = np.mean([tangent_nees(t.world, data["rob0_truth"][f]) for f, t in enumerate(traces)])
     assert ours == pytest.approx(float(np.mean(data["nees"])), rel=0.15)
+
+
+def test_the_landmarks_are_ranked_as_in_the_toolbox(run) -> None:
+    """By det E; to 1e-4 while the Jacobians' differences have not yet added up."""
+    data, traces = run
+    for f in range(1, 12):
+        (record,) = (r for r in traces[f].records if r.phase == "select")
+        scores = {
+            traces[f].start.features[label].appearance: p.score[i]
+            for p in record.predictions
+            for i, label in enumerate(p.labels)
+            if not p.fault[i]
+        }
+        theirs = data["select_log"][data["select_log"][:, 0] == f]
+        assert sorted(scores, key=lambda i: -scores[i]) == theirs[:, 3].astype(int).tolist()
+        np.testing.assert_allclose([scores[int(i)] for i in theirs[:, 3]], theirs[:, 5], rtol=1e-4)
+
+
+def test_the_map_is_the_toolbox_s(run) -> None:
+    """At the end, 400 frames later: within its standard deviations, which agree to 2 %."""
+    data, traces = run
+    end, table = traces[-1].world, data["lmk_table"]
+    ours = {f.appearance: f.block for f in end.features.values()}
+    for (identity, *_, size), places in zip(table, data["lmk_range"], strict=True):
+        at, block = places[:size], ours[int(identity)]
+        sd = np.sqrt(np.diag(data["P_final"][np.ix_(at, at)]))
+        assert (np.abs(end.gauss.mean(block) - data["x_final"][at]) < sd).all()
+        np.testing.assert_allclose(np.sqrt(np.diag(end.gauss.cov(block))), sd, rtol=0.02)

@@ -204,15 +204,25 @@ def test_a_first_view(slamtb):
         start = AnchoredHomogeneous().initialise(xws, b.X)
         close(start.y, expected["l"])
         close(start.dy_by_dX @ b.dX_by_dn, expected["L_rho"].reshape(7, 1))
+        pose, across = THREE_D.compose(given["Rf"], given["Sf"]), np.eye(7)
+        across[3:6, 3:6] -= np.outer(start.y[3:6], start.y[3:6])
+        # Their I / |v| for the Jacobian of v / |v| lacks the projector.
+        close(start.dy_by_dX @ b.dX_by_dz, across @ expected["L_u"])
+        close(start.dy_by_dX @ b.dX_by_dk, across @ expected["L_k"])
+        for by_pose, frame, theirs in ((pose.by_a, "Rf", "L_rf"), (pose.by_b, "Sf", "L_sf")):
+            G = THREE_D.from_tangent(given[frame])
+            close(start.dy_by_dxws @ by_pose @ G, expected[theirs] @ G)
 
 
 def test_inverse_depth_in_other_axes_and_as_a_point(slamtb):
     landmark = InverseDepth()
     for given, expected in slamtb("fromFrameIdp"):
         # Seen from the inverse of F is the same as brought out of F.
-        r = landmark.redefine(given["idp"], THREE_D.inverse(given["F"]).x)
+        back, G = THREE_D.inverse(given["F"]), THREE_D.from_tangent(given["F"])
+        r = landmark.redefine(given["idp"], back.x)
         close(r.value, expected["i"])
         close(r.by_state, expected["I_if"])
+        close(r.by_xpdef @ back.jacobian @ G, expected["I_f"] @ G)
     for given, expected in slamtb("idp2euc"):
         r = landmark.convert(given["idp"])
         close(r.y, expected["p"])
@@ -222,6 +232,9 @@ def test_inverse_depth_in_other_axes_and_as_a_point(slamtb):
 def test_anchored_homogeneous_points_in_other_axes_and_as_a_point(slamtb):
     model = AnchoredHomogeneous()
     for given, expected in slamtb("fromFrameAhm"):
+        back, G = THREE_D.inverse(given["F"]), THREE_D.from_tangent(given["F"])
+        r = model.redefine(given["ahm"], back.x)
+        close(r.by_xpdef @ back.jacobian @ G, expected["A_f"] @ G)
         close(model.redefine(expected["a"], given["F"]).value, given["ahm"])
         close(model.redefine(expected["a"], given["F"]).by_state @ expected["A_af"], np.eye(7))
     for given, expected in slamtb("ahm2euc"):
