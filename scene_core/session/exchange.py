@@ -17,7 +17,6 @@ from scene_core.params import ParamError
 from scene_core.session.config import Experiment, MountSettings
 from scene_core.session.start import final_model
 from scene_core.sources.simulated import Simulation
-from scene_core.sources.truth import TrueMount
 
 
 def exchangeable(experiment: Experiment, mount: str) -> tuple[str, ...]:
@@ -90,12 +89,12 @@ def _fitted(mount: Any, name: str) -> Any:
     sensor = replace(new, **{f: getattr(old, f) for f in same})
     labels = sensor.calib_labels
     pose = _facing(mount.pose, old, sensor)
+    sd = {s: x for s, x in mount.calib_sd.items() if s in labels}
+    fitted = replace(mount, sensor=sensor, pose=pose, calib_sd=sd)
     if isinstance(mount, MountSettings):
-        kept = {s: sd for s, sd in mount.calib_sd.items() if s in labels}
-        return replace(mount, sensor=sensor, pose=pose, calib_sd=kept)
-    assert isinstance(mount, TrueMount)
+        return fitted
     true = {s: k for s, k in mount.calib.items() if s in labels}
-    return replace(mount, sensor=sensor, pose=pose, calib=true, margin=0.0)
+    return replace(fitted, calib=true, margin=0.0)
 
 
 def _unit(sensor: Any, name: str) -> Any:

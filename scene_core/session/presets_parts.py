@@ -77,7 +77,9 @@ def robot(
     """A robot that starts around what is believed, as far off as `start_sd` says."""
     return RobotParts(
         RobotSettings(motion, start, start_sd, calib_sd),
-        TrueRobot(motion, driver, start, start_sd, true_calib, noise_on, on_ground),
+        TrueRobot(
+            motion, driver, start, start_sd, true_calib, noise_on=noise_on, on_ground=on_ground
+        ),
     )
 
 
@@ -91,12 +93,14 @@ def mount(
     true_pose: Pose | None = None,
     calib_sd: Mapping[str, float] = NONE,
     true_calib: Mapping[str, float] = NONE,
+    true_calib_sd: Mapping[str, float] = NONE,
     margin: float = 0.0,
 ) -> MountParts:
-    """A sensor; what is estimated of it is truly at `true_pose` and `true_calib`."""
+    """A sensor; what is estimated of it is truly at `true_pose` and `true_calib`, or drawn around
+    that with `true_calib_sd`."""
     return MountParts(
         MountSettings(sensor, robot, pose, hook, pose_sd, calib_sd),
-        TrueMount(sensor, robot, true_pose or pose, hook, true_calib, margin=margin),
+        TrueMount(sensor, robot, true_pose or pose, hook, true_calib, true_calib_sd, margin=margin),
     )
 
 

@@ -238,7 +238,7 @@ def _with_sensor(settings: MountSettings | Any, name: str) -> tuple[Any, str]:
         kept = {s: x for s, x in settings.calib_sd.items() if s in labels}
         after = replace(settings, sensor=sensor, calib_sd=kept)
     else:
-        after = replace(settings, sensor=sensor, calib={})
+        after = replace(settings, sensor=sensor, calib={}, calib_sd={})
     if not is_fitted:
         return after, ""
     unit = sensor.units[0]

@@ -51,6 +51,7 @@ def with_true_motion(
         start=start,
         start_sd={s: sd for s, sd in now.start_sd.items() if s in kept},
         calib={s: k for s, k in now.calib.items() if s in motion.calib_labels},
+        calib_sd={s: sd for s, sd in now.calib_sd.items() if s in motion.calib_labels},
     )
     return params.put(experiment, path, after), note
 

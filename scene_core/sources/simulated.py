@@ -105,7 +105,7 @@ class Simulation:
             controls=controls,
             raw=raw,
             internal={i: self._felt(i, state, index) for i in self.instruments},
-            truth=told(self.world, self.up, self.robots, self.mounts, state.xv, state.memory),
+            truth=told(self.world, self.up, self.robots, self.mounts, state, self.seed),
         )
         return frame, state
 
@@ -228,7 +228,8 @@ class Simulation:
         """The state after the interval before frame `index`, and the controls as reported."""
         xv, memory, controls = {}, {}, {}
         for i, robot in self.robots.items():
-            motion, k, at = robot.motion, robot.true_calib(), state.xv[i]
+            motion, at = robot.motion, state.xv[i]
+            k = robot.true_calib(i, self.seed)
             drive = robot.driver.drive(motion, at, state.memory[i], index, self.dt, self.seed)
             u = drive.u
             if drive.push is not None:
@@ -263,7 +264,7 @@ class Simulation:
     def _camera(self, mount: str, xv: Mapping[str, Vec]) -> tuple[Sensor, Vec, Vec]:
         """A sensor, its true calibration and its true pose."""
         m = self.mounts[mount]
-        return m.sensor, m.true_calib(), self.true_pose(mount, xv)
+        return m.sensor, m.true_calib(mount, self.seed), self.true_pose(mount, xv)
 
     def _view(self, mount: str, xv: Mapping[str, Vec]) -> tuple[SimulatedWorld, Sensor, Vec, Vec]:
         """What is photographed, and by which camera from where."""

@@ -14,7 +14,7 @@ from scene_core.geometry import quaternion
 from scene_core.models.base import InternalMeasurementModel, MotionModel, Sensor
 from scene_core.models.labels import bare, quaternions
 from scene_core.models.lifting import lifted
-from scene_core.params import param
+from scene_core.params import entries, param
 from scene_core.sources import noise
 from scene_core.sources.drivers import Driver
 from scene_core.sources.worlds import SimulatedWorld, in_axes, landmarks, lines
@@ -33,6 +33,8 @@ class TrueRobot:
     orientation in 3-D as rx, ry, rz. Missing: exactly there."""
     calib: Mapping[str, float] = field(default_factory=dict)
     """True calibration by label where it is not the motion model's nominal one."""
+    calib_sd: Mapping[str, float] = entries(lo=0.0)
+    """The true calibration is drawn around that with these standard deviations by label."""
     noise_on: str = param("motion", choices=("motion", "controls"), label="Noise on")
     """motion: the robot strays from the commanded motion. controls: it moves exactly as commanded
     and the estimator receives the commands with noise (the toolbox)."""
@@ -40,9 +42,11 @@ class TrueRobot:
     """After every motion it is put down on the world's ground and tilted to its slope, keeping its
     heading; in a world that has a ground (terrain), with a motion model in 3-D."""
 
-    def true_calib(self) -> Vec:
-        """True calibration (nk,)."""
-        return _calibrated(self.motion.calib_labels, self.motion.calib0, self.calib)
+    def true_calib(self, name: str, seed: int) -> Vec:
+        """True calibration (nk,) of the robot of this name."""
+        nominal = _by_label(self.motion.calib_labels, self.motion.calib0)
+        rng = noise.rng(seed, f"robot:{name}:calib")
+        return _calibrated(nominal, self.calib, self.calib_sd, rng)
 
     def drawn(self, name: str, dt: float, seed: int) -> Vec:
         """The true state at the start of the robot of this name, normalised."""
@@ -72,6 +76,8 @@ class TrueMount:
     hook: str = "base"
     calib: Mapping[str, float] = field(default_factory=dict)
     """True calibration by label where it is not the sensor's nominal one."""
+    calib_sd: Mapping[str, float] = entries(lo=0.0)
+    """The true calibration is drawn around that with these standard deviations by label."""
     every: int = param(1, lo=1, hi=1000, soft=(1, 10), label="Every n frames")
     """The sensor fires in every n-th frame."""
     offset: int = param(0, lo=0, hi=1000, soft=(0, 10), label="First frame")
@@ -83,9 +89,11 @@ class TrueMount:
     )
     """A camera measures a segment only when at least this much of it is in the image."""
 
-    def true_calib(self) -> Vec:
-        """True calibration (nk,)."""
-        return _calibrated(self.sensor.calib_labels, self.sensor.calib0, self.calib)
+    def true_calib(self, name: str, seed: int) -> Vec:
+        """True calibration (nk,) of the mount of this name."""
+        nominal = _by_label(self.sensor.calib_labels, self.sensor.calib0)
+        rng = noise.rng(seed, f"mount:{name}:calib")
+        return _calibrated(nominal, self.calib, self.calib_sd, rng)
 
     def fires(self, index: int) -> bool:
         """Whether the sensor measures in a frame."""
@@ -112,13 +120,14 @@ class TrueInstrument:
 
 @dataclass(frozen=True)
 class TrueMarker:
-    """Where a marker really is on its robot; every sensor of the others sees it."""
+    """Where a marker really is on its robot; every sensor that is not at its hook sees it."""
 
     robot: str
     position: tuple[float, ...] = param(unit="m")
-    """Place in the axes of the robot, in as many dimensions as the sensors that see it."""
+    """Place in the axes of the hook, in as many dimensions as the sensors that see it."""
     identity: int = param(lo=0, hi=2**31 - 1, effect="on reset")
     """What tells it from landmarks and other markers."""
+    hook: str = "base"
 
 
 @dataclass(frozen=True)
@@ -192,27 +201,26 @@ def told(
     up: str,
     robots: Mapping[str, TrueRobot],
     mounts: Mapping[str, TrueMount],
-    xv: Mapping[str, Vec],
-    memory: Mapping[str, Any],
+    state: SimulationState,
+    seed: int,
 ) -> Truth:
-    """What is really so when the robots are at xv and their drivers remember what they do, for
-    display and metrics."""
+    """What is really so in a state, for display and metrics."""
     labels = {}
     for i, robot in robots.items():
         motion = robot.motion
-        labels[f"robot:{i}"] = _by_label(motion.state_labels, xv[i])
-        labels[f"robot:{i}:calib"] = _by_label(motion.calib_labels, robot.true_calib())
+        labels[f"robot:{i}"] = _by_label(motion.state_labels, state.xv[i])
+        labels[f"robot:{i}:calib"] = _by_label(motion.calib_labels, robot.true_calib(i, seed))
     for i, mount in mounts.items():
         sensor = mount.sensor
         labels[f"mount:{i}:pose"] = dict(zip(sensor.space.labels, mount.pose, strict=True))
-        labels[f"mount:{i}:calib"] = _by_label(sensor.calib_labels, mount.true_calib())
+        labels[f"mount:{i}:calib"] = _by_label(sensor.calib_labels, mount.true_calib(i, seed))
     ids, at = landmarks(world)
     line_ids, ends = lines(world)
     if world.space.d == 3:
         at, ends = in_axes(world, at, up), in_axes(world, ends, up)
-    goals = {i: robot.driver.goal(memory[i]) for i, robot in robots.items()}
+    goals = {i: robot.driver.goal(state.memory[i]) for i, robot in robots.items()}
     return Truth(
-        xp={i: frozen(robot.motion.xp(xv[i]).xp) for i, robot in robots.items()},
+        xp={i: frozen(robot.motion.xp(state.xv[i]).xp) for i, robot in robots.items()},
         labels=labels,
         points=frozen(at),
         ids=ids,
@@ -226,9 +234,19 @@ def _by_label(labels: Sequence[str], values: Vec) -> dict[str, float]:
     return dict(zip(labels, values.tolist(), strict=True))
 
 
-def _calibrated(labels: Sequence[str], nominal: Vec, true: Mapping[str, float]) -> Vec:
-    unknown = [s for s in true if s not in labels]
+def _calibrated(
+    nominal: Mapping[str, float],
+    true: Mapping[str, float],
+    sd: Mapping[str, float],
+    rng: np.random.Generator,
+) -> Vec:
+    """The true calibration; the draw of one component does not depend on which others are drawn."""
+    unknown = [s for s in (*true, *sd) if s not in nominal]
     if unknown:
-        known = ", ".join(labels) or "nothing"
+        known = ", ".join(nominal) or "nothing"
         raise SourceError(f"there is no calibration '{unknown[0]}': it has {known}")
-    return np.array([true.get(s, k) for s, k in zip(labels, nominal, strict=True)], dtype=float)
+    draws = rng.standard_normal(len(nominal))
+    mean, sds = ({**nominal, **true}, {**dict.fromkeys(nominal, 0.0), **sd})
+    return np.array(
+        [mean[s] + sds[s] * z for s, z in zip(nominal, draws, strict=True)], dtype=float
+    )

@@ -294,9 +294,37 @@ def test_instruments_feel_the_true_motion() -> None:
             {"robots": {"r": TrueRobot(Odometry3D(), CIRCLE, calib={"k": 1.0})}},
             "no calibration 'k'",
         ),
+        (
+            {"robots": {"r": TrueRobot(Odometry3D(), CIRCLE, calib_sd={"k": 1.0})}},
+            "no calibration 'k'",
+        ),
     ],
 )
 def test_what_does_not_fit_is_refused_in_words(changes: dict, words: str) -> None:
     simulation = cloister(**changes)
     with pytest.raises(SourceError, match=words):
         simulation.advance(simulation.start(), 0)
+
+
+def test_a_true_calibration_is_drawn_anew_for_every_seed_and_only_where_it_is_said() -> None:
+    sds = {"u0": 5.0, "fv": 8.0}
+    mount = TrueMount(CAMERA, "r", POSE, calib={"v0": 1.0, "fv": 300.0}, calib_sd=sds)
+    drawn = np.array([mount.true_calib("camera", seed) for seed in range(200)])
+    exactly = replace(mount, calib_sd={}).true_calib("camera", 0)
+    expected = [sds.get(label, 0.0) for label in CAMERA.calib_labels]
+    assert drawn.mean(axis=0) == pytest.approx(exactly, abs=2.0)
+    assert drawn.std(axis=0) == pytest.approx(expected, rel=0.2, abs=1e-9)
+    assert np.array_equal(drawn[7], mount.true_calib("camera", 7))
+    assert not np.array_equal(drawn[7], mount.true_calib("other camera", 7))
+    alone = replace(mount, calib_sd={"fv": 8.0}).true_calib("camera", 7)
+    column = CAMERA.calib_labels.index("fv")
+    assert alone[column] == drawn[7, column]
+
+
+def test_the_truth_told_and_the_measurements_use_the_drawn_calibration() -> None:
+    mount = TrueMount(CAMERA, "r", POSE, calib_sd={"u0": 20.0})
+    simulation = cloister(mounts={"camera": mount}, seed=3)
+    frame, _ = simulation.advance(simulation.start(), 0)
+    assert frame.truth is not None
+    u0 = frame.truth.labels["mount:camera:calib"]["u0"]
+    assert u0 == mount.true_calib("camera", 3)[CAMERA.calib_labels.index("u0")] != CAMERA.u0
