@@ -11,8 +11,7 @@ from web_panels.widgets import on_press
 
 HELP = (
     "Forget this landmark at the end of the frame: its block leaves the state and every sensor "
-    "forgets it; what it has taught the rest stays. Stepping back brings it back; it goes again "
-    "when you step on, unless you edit something before."
+    "forgets it; what it has taught the rest stays. Undo brings it back."
 )
 
 

@@ -21,11 +21,16 @@ from web_panels.estimate_this import EstimateThis
 from web_panels.limits import Limit, partners
 from web_panels.panel import Page, Post
 from web_panels.style import escape, number, shown
-from web_panels.widgets import Field, Group, on_press
+from web_panels.widgets import Field, Group, on_command, on_press
 
 MAX_CHANGES = 12
 LIVE_S = 0.2
 """Between two readings of what changes with every frame."""
+UNDO_HELP = (
+    "Ctrl+Z: take back what was done last. An edit or a swap ends with this frame; a feature that "
+    "was deleted or started by hand, and moved axes, are as if it had never been done."
+)
+REDO_HELP = "Ctrl+Shift+Z: do again what was undone last."
 
 
 def folder_title(path: str) -> str:
@@ -114,14 +119,19 @@ class _Parameters:
         self.place = gui.add_folder(None)
         self.note = gui.add_html("")
         self.card = gui.add_html("")
-        self.undo = gui.add_button("Undo", icon=viser.Icon.ARROW_BACK_UP, color="gray")
-        self.redo = gui.add_button("Redo", icon=viser.Icon.ARROW_FORWARD_UP, color="gray")
+        undo, redo = viser.Icon.ARROW_BACK_UP, viser.Icon.ARROW_FORWARD_UP
+        self.undo = gui.add_button("Undo", icon=undo, color="gray", hint=UNDO_HELP)
+        self.redo = gui.add_button("Redo", icon=redo, color="gray", hint=REDO_HELP)
         self.reset = gui.add_button("Reset to scenario", icon=viser.Icon.RESTORE, color="gray")
         save = gui.add_button("Save settings", icon=viser.Icon.DOWNLOAD, color="gray")
         on_press(self.undo, lambda _: post(Undo()))
         on_press(self.redo, lambda _: post(Redo()))
         on_press(self.reset, lambda _: post(ResetParams()))
         on_press(save, self._save)
+        self._add_keys()
+
+    def _add_keys(self) -> None:
+        """Hotkeys; one tab adds them for all."""
 
     def _save(self, client: viser.ClientHandle) -> None:
         p = self.latest
@@ -209,6 +219,13 @@ class EstimatorParameters(_Parameters):
         super().__init__(page)
         self.ticks: dict[str, EstimateThis] = {}
         self._lived = 0.0
+
+    def _add_keys(self) -> None:
+        add = self.gui.add_command
+        undo = add("Undo", description=UNDO_HELP, hotkey="Z", modifier="cmd/ctrl")
+        redo = add("Redo", description=REDO_HELP, hotkey="Z", modifier="cmd/ctrl+shift")
+        on_command(undo, lambda _: self.post(Undo()))
+        on_command(redo, lambda _: self.post(Redo()))
 
     def _more(self, p: Published) -> tuple[Estimable, ...]:
         return estimables((p.pending or p.experiment).estimator)

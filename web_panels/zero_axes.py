@@ -13,8 +13,7 @@ from web_panels.widgets import Bound, Group, on_press
 HELP = (
     "Tell everything from where this robot is at the end of the frame: it is then at zero for "
     "certain, landmarks and other robots are relative to it. What the sensors expect stays the "
-    "same. Stepping back takes it back; it is done again when you step on, unless you edit "
-    "something before."
+    "same. Undo takes it back."
 )
 
 

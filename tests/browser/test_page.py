@@ -244,6 +244,22 @@ def test_drag_a_slider(site: Site, shown: Page) -> None:
     assert budget() == before
 
 
+def test_a_feature_that_was_deleted_comes_back_with_ctrl_z(site: Site, shown: Page) -> None:
+    def mapped(label: int) -> bool:
+        return (t := site.latest.trace) is not None and label in t.world.features
+
+    label = 1
+    assert mapped(label)
+    site.runner.post(Select(label))
+    shown.get_by_role("button", name=f"Delete feature {label}").click(timeout=15_000)
+    assert wait(lambda: not mapped(label))
+    shown.keyboard.press("Control+z")
+    assert wait(lambda: mapped(label))
+    expect(shown.get_by_text(f"undone: the deletion of feature {label}").first).to_be_visible()
+    shown.keyboard.press("Control+Shift+z")
+    assert wait(lambda: not mapped(label))
+
+
 def _beside(page: Page, thumbs: object, row: object) -> int:
     """The thumb on the line of a label."""
     assert isinstance(row, dict)

@@ -199,6 +199,21 @@ def test_hotkeys_post_their_command(site: Site) -> None:
         assert wait(lambda: site.session.posted == [commands.Transport("toggle")])
 
 
+@pytest.mark.parametrize(
+    ("modifier", "command"),
+    [("cmd/ctrl", commands.Undo()), ("cmd/ctrl+shift", commands.Redo())],
+)
+def test_one_hotkey_undoes_and_one_does_again(site: Site, modifier: str, command: Any) -> None:
+    with raw_client(site.server) as client:
+        client.settle()
+        registered = [m for m in client.seen if m["type"] == "RegisterCommandMessage"]
+        (key,) = [m for m in registered if m["props"]["modifier"] == modifier]
+        assert key["props"]["hotkey"] == "Z"
+        site.session.posted.clear()
+        client.send("CommandTriggerMessage", uuid=key["uuid"])
+        assert wait(lambda: site.session.posted == [command])
+
+
 def test_parameters_and_models_post_their_command(site: Site, start: Published) -> None:
     with raw_client(site.server) as client:
         site.session.posted.clear()
