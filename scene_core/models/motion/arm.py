@@ -10,6 +10,7 @@ import numpy as np
 from scene_core.arrays import Mat, Vec
 from scene_core.geometry import quaternion
 from scene_core.geometry.spaces import THREE_D, relative, wrap
+from scene_core.models import reach
 from scene_core.models.base import (
     Lifted,
     MotionModel,
@@ -22,8 +23,8 @@ from scene_core.models.sampling import noisy_process
 from scene_core.params import ParamError, param
 
 FOOT = slice(0, 7)
-DAMPING = 0.05
-"""[m] of the least-squares step to a goal: keeps the rates small where the arm is stretched."""
+DETOUR = 2.0
+"""The hand goes straight where the joints turn at most so many times as far as they had to."""
 
 
 @dataclass(frozen=True)
@@ -184,17 +185,25 @@ class Arm(MotionModel):
         return noisy_process(self, xv, u, dt, k, rng)
 
     def navigate(self, xv: Vec, goal: Vec, dt: float) -> Vec | None:
-        """Rates that bring the hand to `goal` (x, y, z) [m] by damped least squares; towards a
-        goal out of reach it stretches and stays."""
-        hand = self.xp(xv)
-        assert hand.dxp_by_dxv is not None
-        error = goal - hand.xp[:3]
-        if np.linalg.norm(error) <= self.arrive:
+        """Rates that bring the hand to `goal` (x, y, z) [m]: straight by damped least squares, or,
+        where the arm would fold over itself or take a detour, by the shortest turn of its joints
+        to angles that reach it. To a goal out of reach it comes as near as it can, and stays."""
+        q, arm = xv[7:], (self.axes, self.lengths)
+        there = THREE_D.to_local(xv[FOOT], np.append(goal, 1.0)).X[:3]
+        p, J = reach.hand(*arm, q)
+        if np.linalg.norm(there - p) <= self.arrive:
             return None
-        J = hand.dxp_by_dxv[:3, 7:]
-        step = J.T @ np.linalg.solve(J @ J.T + DAMPING**2 * np.eye(3), error)
-        fastest = np.abs(step).max(initial=0.0) / dt
-        return step / dt * min(1.0, self.max_rate / max(fastest, 1e-12)) / self.calib0
+        close = max(self.arrive / 2.0, reach.CLOSE * sum(self.lengths))
+        angles, away = reach.nearest(*arm, there, close)
+        turns = wrap(angles - q)
+        ways = np.abs(turns).max(axis=1)
+        # The lesser of both ways falls with every step, whichever is taken: it ends.
+        if away <= close and reach.straight(*arm, q, there, close) <= DETOUR * ways.min():
+            turn = reach.step(J, there - p)
+        else:
+            turn = turns[ways.argmin()]
+        fastest = np.abs(turn).max() / dt
+        return turn / dt * min(1.0, self.max_rate / max(fastest, 1e-12)) / self.calib0
 
 
 def _link(axis: str, angle: float, length: float) -> tuple[Vec, Mat]:
