@@ -133,8 +133,10 @@ def pose_card(p: Published) -> str:
     for name, r in p.series.robots.items():
         if not len(r.sd):
             continue
-        space = p.trace.world.robots[name].motion.space
-        now = pose_estimate(p.trace.world, name)
+        motion = p.trace.world.robots[r.robot].motion
+        if r.body not in motion.bodies:
+            continue
+        space, now = motion.space, pose_estimate(p.trace.world, r.robot, r.body)
         estimate = space.difference(now.xp, space.identity())
         sds = np.sqrt(np.maximum(np.diag(now.P), 0.0))
         complete, title = p.trace.complete, f"Pose of {name}" if several else "Robot pose"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -93,15 +93,23 @@ def robot_pose(world: World, robot: str, hook: str = "base") -> Vec:
     return embed(world.xp(robot, hook), world.robots[robot].motion.space, world.up)[0]
 
 
-def parts(world: World, robot: str) -> tuple[str, ...]:
-    """Hooks of a robot that are drawn: the base, and what moves by itself; a colon marks another
-    name of something on a part."""
-    return tuple(hook for hook in world.robots[robot].motion.hooks if ":" not in hook)
+Part = tuple[str, str]
+"""A robot and one of its hooks."""
 
 
-def part_name(robot: str, hook: str) -> str:
-    """What a drawn hook is called."""
-    return robot if hook == "base" else f"{robot} {hook}"
+def parts(world: World) -> list[Part]:
+    """What is drawn of the robots: their bodies, and the hooks that move by themselves; a colon
+    marks another name of something on a part."""
+    out: dict[Part, None] = {}
+    for name, robot in world.robots.items():
+        own = (hook for hook in robot.motion.hooks if ":" not in hook)
+        out |= dict.fromkeys((name, hook) for hook in (*robot.motion.bodies, *own))
+    return list(out)
+
+
+def bodies(robots: Mapping[str, Any]) -> list[Part]:
+    """The bodies of robots, each with a `motion`, in the order of their colours."""
+    return [(name, body) for name, robot in robots.items() for body in robot.motion.bodies]
 
 
 RECENT = 12
@@ -215,7 +223,7 @@ def bounds_of(points: Vec, least: float = 0.0) -> Bounds:
 
 def start_bounds(p: Published, world: World) -> Bounds:
     """What the map is going to show: the simulated world, or what is known at the start."""
-    parts = [robot_pose(world, r)[None, :3] for r in world.robots]
+    parts = [robot_pose(world, *body)[None, :3] for body in bodies(world.robots)]
     least = 2.0
     outline = outline_of(p.experiment.source, world.up).reshape(-1, 3)
     if len(outline):

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 from scene_core.geometry.ellipses import sigma
 from scene_core.session.published import Published
+from scene_core.session.tracks import body_name
+from web_panels import map_geometry as geo
 from web_panels import style
 from web_panels.panel import Look
 from web_panels.style import legend
@@ -50,7 +52,7 @@ def confidence_words(look: Look, d: int) -> str:
 def legend_of(p: Published, look: Look) -> str:
     """The legend of what an experiment shows on the map."""
     landmark = p.experiment.estimator.policies.landmark
-    robots = tuple(p.experiment.estimator.robots)
+    robots = [body_name(*body) for body in geo.bodies(p.experiment.estimator.robots)]
     return legend_html(
         look, landmark.space.d, robots, landmark.free_labels, rays=bool(landmark.unmeasured)
     )
@@ -63,7 +65,7 @@ def legend_html(
     free_labels: Sequence[str] = (),
     rays: bool = True,
 ) -> str:
-    """The legend of the map, and the script that puts it there; of several robots each has its
+    """The legend of the map, and the script that puts it there; of several bodies each has its
     colour, particles carry the `free_labels` of partial landmarks, others may begin as `rays`."""
     lines: Items = (("line", "truth", "truth"), ("line", "estimate", "estimate"))
     if len(robots) > 1:

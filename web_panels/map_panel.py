@@ -52,7 +52,7 @@ class MapPanel:
         size = bounds.radius
         self.simulated = len(geo.outline_of(p.experiment.source, world.up)) > 0
         self.ground = Ground(scene, p, world, bounds)
-        self.paths = Paths(scene, p)
+        self.paths = Paths(scene, world)
         self.true_landmarks = TrueLandmarks(scene, size)
         self.rays = Rays(scene)
         self.sightings = Sightings(scene)
@@ -74,7 +74,7 @@ class MapPanel:
     def _fit(self, p: Published) -> World:
         """The world to draw, in a map made for it. A recording tells where its landmarks are only
         with its first frame: the map is then made again if it has to be larger. In other axes
-        everything is somewhere else."""
+        everything is somewhere else; a swapped motion model may have other parts."""
         fresh = p.run != self.run
         if fresh:
             self.start = initial_world(p.experiment)
@@ -86,7 +86,7 @@ class MapPanel:
             bounds = geo.start_bounds(p, world)
             if bounds.radius > 1.05 * self.bounds.radius:
                 self._restart(p, world, bounds)
-        if geo.axes_key(p) != self.axes:
+        if geo.axes_key(p) != self.axes or geo.parts(world) != self.robots.parts:
             self._restart(p, world, geo.start_bounds(p, world))
         return world
 
@@ -168,8 +168,9 @@ class MapPanel:
             return self.bounds
         parts = [np.percentile(cloud.positions, (10, 90), axis=0), [self.bounds.centre]]
         for r in p.series.robots.values():
-            if len(r.position):
-                parts.append([r.position.min(axis=0), r.position.max(axis=0)])
+            there = r.position[np.isfinite(r.position).all(axis=1)]
+            if len(there):
+                parts.append([there.min(axis=0), there.max(axis=0)])
         return geo.bounds_of(np.concatenate(parts))
 
 

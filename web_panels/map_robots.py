@@ -12,21 +12,23 @@ from scene_core.filter.records import Trace
 from scene_core.filter.world import World
 from scene_core.models.base import Sensor
 from scene_core.session.published import Published
+from scene_core.session.tracks import body_name
 from web_panels import map_geometry as geo
 from web_panels import viser_hooks
 from web_panels.style import RGB, C, robot_colour
 
 
 class Robots:
-    """Estimated robots with their cameras' frusta, true ones in yellow; every hook of a robot that
-    moves by itself is a smaller body."""
+    """Estimated robots with their cameras' frusta, true ones in yellow: every body in a colour of
+    its own, every other hook of a robot that moves by itself smaller."""
 
     def __init__(self, scene: viser.SceneApi, world: World, size: float) -> None:
         self.scene, self.size = scene, size
-        self.colours = {name: robot_colour(i) for i, name in enumerate(world.robots)}
-        self.parts = [(name, hook) for name in world.robots for hook in geo.parts(world, name)]
+        self.own = geo.bodies(world.robots)
+        self.colours = {body: robot_colour(i) for i, body in enumerate(self.own)}
+        self.parts = geo.parts(world)
         self.bodies = {
-            part: self._body(f"/map/robot/{i}", part, 0.022, self.colours[part[0]])
+            part: self._body(f"/map/robot/{i}", part, 0.022, self._colour(part))
             for i, part in enumerate(self.parts)
         }
         self.true_bodies = {
@@ -37,7 +39,7 @@ class Robots:
             part: scene.add_line_segments(
                 f"/map/heading/{i}",
                 np.zeros((0, 2, 3), np.float32),
-                self.colours[part[0]],
+                self._colour(part),
                 thickness=3.0,
                 thickness_units="screen",
             )
@@ -45,7 +47,7 @@ class Robots:
         }
         self.names = {
             part: scene.add_label(
-                f"/map/names/{i}", geo.part_name(*part), anchor="top-center", font_screen_scale=0.8
+                f"/map/names/{i}", body_name(*part), anchor="top-center", font_screen_scale=0.8
             )
             for i, part in enumerate(self.parts)
             if len(self.parts) > 1 and self._named(*part)
@@ -56,12 +58,14 @@ class Robots:
 
     def _named(self, robot: str, hook: str) -> bool:
         """Joints are too close together for names."""
-        return hook == "base" or sum(name == robot for name, _ in self.parts) == 2
+        return (robot, hook) in self.own or sum(name == robot for name, _ in self.parts) == 2
 
-    def _body(
-        self, name: str, part: tuple[str, str], share: float, colour: RGB
-    ) -> viser.IcosphereHandle:
-        radius = share * self.size * (1.0 if part[1] == "base" else 0.6)
+    def _colour(self, part: geo.Part) -> RGB:
+        """A body's own; other parts have that of their robot's base."""
+        return self.colours.get(part) or self.colours[part[0], "base"]
+
+    def _body(self, name: str, part: geo.Part, share: float, colour: RGB) -> viser.IcosphereHandle:
+        radius = share * self.size * (1.0 if part in self.own else 0.6)
         return self.scene.add_icosphere(name, radius, color=colour, cast_shadow=False)
 
     def render(self, p: Published, world: World, truth: bool) -> None:
@@ -80,7 +84,7 @@ class Robots:
             if world.mounts[mount].sensor.pane == "image":
                 self._render_camera(world, mount)
 
-    def _render_heading(self, world: World, part: tuple[str, str], pose: Vec) -> None:
+    def _render_heading(self, world: World, part: geo.Part, pose: Vec) -> None:
         space = world.robots[part[0]].motion.space
         if space.d == 3:
             return
@@ -93,14 +97,14 @@ class Robots:
     def _render_camera(self, world: World, mount: str) -> None:
         fov, aspect = self.view_angle(world, mount)
         pose = geo.mount_pose(world, mount)
-        node = self.frusta.get(mount)
+        node, m = self.frusta.get(mount), world.mounts[mount]
         if node is None:
             self.frusta[mount] = self.scene.add_camera_frustum(
                 f"/map/camera/{len(self.frusta)}",
                 fov,
                 aspect,
                 scale=0.1 * self.size,
-                color=self.colours[world.mounts[mount].robot],
+                color=self._colour((m.robot, m.hook)),
                 thickness=2.5,
                 thickness_units="screen",
                 position=pose[:3],
@@ -143,18 +147,18 @@ class Robots:
 
 
 class Paths:
-    """Trajectories so far: estimate thick and in the robot's colour, truth thin and yellow."""
+    """Trajectories so far: estimate thick and in the body's colour, truth thin and yellow."""
 
-    def __init__(self, scene: viser.SceneApi, p: Published) -> None:
+    def __init__(self, scene: viser.SceneApi, world: World) -> None:
         self.nodes = {
-            (name, kind): scene.add_line_segments(
+            (body_name(*body), kind): scene.add_line_segments(
                 f"/map/path/{kind}/{i}",
                 np.zeros((0, 2, 3), np.float32),
                 robot_colour(i) if kind == "estimate" else C["truth"],
                 thickness=3.5 if kind == "estimate" else 1.8,
                 thickness_units="screen",
             )
-            for i, name in enumerate(p.experiment.estimator.robots)
+            for i, body in enumerate(geo.bodies(world.robots))
             for kind in ("truth", "estimate")
         }
 

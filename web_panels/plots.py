@@ -181,6 +181,8 @@ class Plots:
         )  # fmt: skip
 
     def _error(self, r: RobotSeries, i: int, at: np.ndarray, x: Vec) -> None:
+        there = np.isfinite(r.sd[at, i])
+        at, x = at[there], x[there]
         factor, unit = shown(1.0, r.units[i])
         bound = 3.0 * r.sd[at, i] * factor
         if unit == "m" and float(np.nanmax(bound, initial=0.0)) < 0.3:

@@ -63,6 +63,12 @@ class Truth:
     segment_ids: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
     goals: Mapping[str, Vec] = field(default_factory=dict)
     """Where robots are heading (d,), by robot; those without a goal are left out."""
+    bodies: Mapping[str, Mapping[str, Vec]] = field(default_factory=dict)
+    """Position state of the further bodies of robots, by robot and hook."""
+
+    def at(self, robot: str, body: str = "base") -> Vec | None:
+        """Position state of a body of a robot; None where nobody knows."""
+        return self.xp.get(robot) if body == "base" else self.bodies.get(robot, {}).get(body)
 
 
 @dataclass(frozen=True)

@@ -72,8 +72,16 @@ def _declared(t: _Trial) -> str:
         [
             not_equal("calib0's length", np.array(t.k0.shape), length),
             "" if "base" in model.hooks else "there is no hook 'base'",
+            _not_bodies(model),
         ]
     )
+
+
+def _not_bodies(model: MotionModel) -> str:
+    unknown = [body for body in model.bodies if body not in model.hooks]
+    if unknown:
+        return f"bodies has {unknown[0]!r}, and the hooks are {', '.join(model.hooks)}"
+    return "" if model.bodies[:1] == ("base",) else "bodies does not start with 'base'"
 
 
 def _process(t: _Trial) -> str:
@@ -112,9 +120,10 @@ def _redefinition(t: _Trial) -> str:
     for xv, xpdef in zip(t.states, t.xpdefs, strict=True):
         names = ("dxvredef_by_dxv", "dxvredef_by_dxpdef")
         problems.append(judge_jacobians(names, model.redefine, (xv, xpdef), t.angles))
-        moved = model.xp(model.redefine(xv, xpdef).value).xp
-        seen = relative(model.space, xpdef, model.xp(xv).xp).x
-        problems.append(not_equal("xp in new axes", moved, seen, t.pose_angles))
+        for body in model.bodies:
+            moved = model.xp(model.redefine(xv, xpdef).value, body).xp
+            seen = relative(model.space, xpdef, model.xp(xv, body).xp).x
+            problems.append(not_equal("xp in new axes", moved, seen, t.pose_angles))
     return first(problems)
 
 
@@ -181,7 +190,7 @@ def _rest(t: _Trial) -> str:
 
 
 _LAWS = (
-    ("calib0 is as long as its labels, a hook is called base", _declared),
+    ("calib0 is as long as its labels, base and the bodies are hooks", _declared),
     ("f has the right Jacobians, finite at rest", _process),
     ("Q, U and U_unknown are covariances", _noise),
     ("xp is a position state with its Jacobian", _position),

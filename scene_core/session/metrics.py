@@ -6,14 +6,15 @@ import math
 
 import numpy as np
 
+from scene_core.filter.ports import Truth
 from scene_core.filter.records import Trace
-from scene_core.filter.world import Axes
+from scene_core.filter.world import Axes, World
 from scene_core.geometry.ellipses import chi2_band
 from scene_core.session.alignment import Alignment
 from scene_core.session.columns import Column
 from scene_core.session.counting import COUNTS, calibrations, count
 from scene_core.session.published import Light, Series
-from scene_core.session.tracks import RobotTrack
+from scene_core.session.tracks import RobotTrack, body_name
 
 MAX_ROWS = 50_000
 """Frames kept for the plots; beyond, the oldest quarter is forgotten."""
@@ -78,10 +79,7 @@ class Metrics:
         axes = self._axes[-1][1] if self._axes else None
         if world.axes is not None and world.axes is not axes:
             self._axes.append((trace.frame.index, world.axes))
-        for robot, r in world.robots.items():
-            if robot not in self.robots:
-                self.robots[robot] = RobotTrack(r.motion.space, world.up)
-            self.robots[robot].add(world, robot, None if truth is None else truth.xp.get(robot))
+        self._add_robots(world, truth, row)
         self._add_calibrations(trace, row)
         counts = count(trace)
         self.counts.append(np.array([counts[name] for name in COUNTS]))
@@ -99,6 +97,18 @@ class Metrics:
         if len(self.times) > MAX_ROWS:
             self._forget_oldest(MAX_ROWS // 4)
         self.show(trace.frame.index)
+
+    def _add_robots(self, world: World, truth: Truth | None, row: int) -> None:
+        """A swap of models may bring bodies and take them away."""
+        for robot, r in world.robots.items():
+            for body in r.motion.bodies:
+                name = body_name(robot, body)
+                if name not in self.robots:
+                    self.robots[name] = RobotTrack(r.motion.space, world.up, robot, body)
+                    self.robots[name].pad(row)
+                self.robots[name].add(world, None if truth is None else truth.at(robot, body))
+        for track in self.robots.values():
+            track.pad(row + 1)
 
     def _add_calibrations(self, trace: Trace, row: int) -> None:
         for name, (mean, sd, true) in calibrations(trace).items():
@@ -141,6 +151,7 @@ class Metrics:
             robots={
                 name: track.series(self._shown, self.axes, self.align)
                 for name, track in self.robots.items()
+                if track.is_there(self._shown)
             },
             nis=self.nis.view(self._shown),
             nis_band=self.nis_band.view(self._shown),

@@ -15,7 +15,7 @@ from scene_core.session.config import Experiment
 
 @dataclass(frozen=True)
 class RobotSeries:
-    """History of one robot, one row per kept frame."""
+    """History of a body of a robot, one row per kept frame; NaN where the robot had none such."""
 
     labels: tuple[str, ...]
     """Tangent components: x, y, z, rx, ry, rz (3-D); z, x, phi (2-D); z (1-D)."""
@@ -36,6 +36,9 @@ class RobotSeries:
     alignment: Similarity | None = None
     """How the truth was moved into the estimate's axes, those the run began in; None: it is in
     them."""
+    robot: str = ""
+    body: str = "base"
+    """Its hook of the robot."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,7 @@ class Series:
     times: Vec
     """(T,) seconds."""
     robots: Mapping[str, RobotSeries]
+    """Of every body that there is in the last row, by `body_name`."""
     nis: Vec
     """(T,) mean over the frame of d2 of the matches that were put to the gate, per degree of
     freedom; NaN without any."""

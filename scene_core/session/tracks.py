@@ -34,11 +34,16 @@ class PoseEstimate:
     """(tangent, tangent)"""
 
 
-def pose_estimate(world: World, robot: str) -> PoseEstimate:
-    """xp of a robot, and J P J' with J = d tangent / d xv."""
+def body_name(robot: str, body: str) -> str:
+    """What a body of a robot is called, in series and on the page."""
+    return robot if body == "base" else f"{robot} {body}"
+
+
+def pose_estimate(world: World, robot: str, body: str = "base") -> PoseEstimate:
+    """xp of a body of a robot, and J P J' with J = d tangent / d xv."""
     r = world.robots[robot]
     xv, space = world.gauss.mean(r.block), r.motion.space
-    xp, dxp_by_dxv = completed(r.motion.xp(xv), r.motion.xp, xv)
+    xp, dxp_by_dxv = completed(r.motion.xp(xv, body), lambda v: r.motion.xp(v, body), xv)
     assert dxp_by_dxv is not None
     J = space.tangent_map(xp) @ dxp_by_dxv
     return PoseEstimate(xp, J @ world.gauss.cov(r.block) @ J.T)
@@ -50,12 +55,12 @@ def pose_error(space: Space, xp: Vec, true_xp: Vec) -> Vec:
 
 
 class RobotTrack:
-    """The columns of one robot. Poses and positions are told in the axes the run began in; errors,
-    their standard deviations and NEES are of the axes in force at the time."""
+    """The columns of a body of a robot. Poses and positions are told in the axes the run began in;
+    errors, their standard deviations and NEES are of the axes in force at the time."""
 
-    def __init__(self, space: Space, up: str) -> None:
+    def __init__(self, space: Space, up: str, robot: str, body: str) -> None:
         t = space.tangent
-        self.space, self.up = space, up
+        self.space, self.up, self.robot, self.body = space, up, robot, body
         self.xp, self.true_xp = Column(space.n), Column(space.n)
         self.error, self.sd, self.nees = Column(t), Column(t), Column()
         self.position, self.true_position = Column(3), Column(3)
@@ -70,8 +75,17 @@ class RobotTrack:
         """Positions of poses (..., n) in the world's three axes."""
         return embed_points(np.atleast_2d(self.space.position(xp)), self.space, self.up)
 
-    def add(self, world: World, robot: str, true_xp: Vec | None) -> None:
-        at = pose_estimate(world, robot)
+    def pad(self, rows: int) -> None:
+        """Rows of NaN up to so many, for frames in which the robot had no such body."""
+        for column in self.columns:
+            column.pad(rows)
+
+    def is_there(self, rows: int) -> bool:
+        """Whether the robot has this body in the last of the first rows."""
+        return rows == 0 or bool(np.isfinite(self.xp.view(rows)[-1]).all())
+
+    def add(self, world: World, true_xp: Vec | None) -> None:
+        at = pose_estimate(world, self.robot, self.body)
         pose = estimate_axes(world.axes)
         xp = poses_told_first(pose, at.xp, self.space, self.up)
         self.xp.append(xp)
@@ -109,6 +123,8 @@ class RobotTrack:
             nees_dof=space.tangent,
             nees_band=chi2_band(space.tangent),
             alignment=fit,
+            robot=self.robot,
+            body=self.body,
         )
 
     def _aligned(

@@ -128,6 +128,7 @@ class TrueMarker:
     identity: int = param(lo=0, hi=2**31 - 1, effect="on reset")
     """What tells it from landmarks and other markers."""
     hook: str = "base"
+    """What of the robot it is fixed to."""
 
 
 @dataclass(frozen=True)
@@ -227,7 +228,12 @@ def told(
         segments=frozen(ends),
         segment_ids=line_ids,
         goals={i: frozen(goal) for i, goal in goals.items() if goal is not None},
+        bodies={i: _further_bodies(robot.motion, state.xv[i]) for i, robot in robots.items()},
     )
+
+
+def _further_bodies(motion: MotionModel, xv: Vec) -> dict[str, Vec]:
+    return {body: frozen(motion.xp(xv, body).xp) for body in motion.bodies[1:]}
 
 
 def _by_label(labels: Sequence[str], values: Vec) -> dict[str, float]:

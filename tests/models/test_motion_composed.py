@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from scene_core.geometry import quaternion
 from scene_core.geometry.spaces import THREE_D
 from scene_core.models.check import check
+from scene_core.models.laws_motion import _not_bodies
 from scene_core.models.motion.arm import Arm
 from scene_core.models.motion.double import Double
 from scene_core.models.motion.impulse import Impulse
@@ -39,6 +41,25 @@ TRIPLE = Double(Odometry3D(), Double(Impulse(), Arm()))
 def test_they_conform_with_other_parts(model):
     report = check(model, seed=2)
     assert report.ok, str(report)
+
+
+@dataclasses.dataclass(frozen=True)
+class Misled:
+    """A model that says what is not so of its bodies."""
+
+    bodies: tuple[str, ...]
+    hooks = ("base", "foot")
+
+
+def test_bodies_are_those_of_the_parts_and_hooks():
+    assert Arm().bodies == ("base",)
+    assert TRIPLE.bodies == ("base", "second", "second:second")
+    assert set(Double(TRIPLE, Arm()).bodies) <= set(Double(TRIPLE, Arm()).hooks)
+    places = [TRIPLE.xp(np.arange(37.0), body).xp[:3].tolist() for body in TRIPLE.bodies]
+    assert places[0] == [0, 1, 2] and places[1] == [7, 8, 9]
+    assert _not_bodies(cast(Any, Misled(("base", "roof")))).startswith("bodies has 'roof'")
+    assert "start with 'base'" in _not_bodies(cast(Any, Misled(("foot",))))
+    assert _not_bodies(cast(Any, Misled(("base", "foot")))) == ""
 
 
 # Inertial

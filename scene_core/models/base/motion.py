@@ -55,6 +55,8 @@ class MotionModel(ABC):
     calib_labels: ClassVar[tuple[str, ...]] = ()
     calib_units: ClassVar[tuple[str, ...]] = ()
     hooks: ClassVar[tuple[str, ...]] = ("base",)
+    bodies: ClassVar[tuple[str, ...]] = ("base",)
+    """Hooks that are robots of their own, base first: each has a trail, an error and a NEES."""
     world_fixed: ClassVar[tuple[str, ...]] = ()
     """Directions of the world the equations rely on: gravity, north, plane."""
 

@@ -41,6 +41,7 @@ class Double(MotionModel):
     labels are its own, the second's begin with 2: (2:x), so that whatever runs on the first model
     runs on the pair.
     Hooks: base is the first robot's, second the second's base; first:<hook> and second:<hook>.
+    Both are bodies: each is drawn, and has errors and a NEES of its own.
 
     Source: Davison, Scene library, DOUBLE motion model, which had the first robot's hook only.
     """
@@ -107,6 +108,12 @@ class Double(MotionModel):
     def hooks(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
         own = tuple(f"first:{hook}" for hook in self.first.hooks)
         return ("base", "second", *own, *(f"second:{hook}" for hook in self.second.hooks))
+
+    @property
+    def bodies(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        more = (f"first:{hook}" for hook in self.first.bodies[1:])
+        others = (f"second:{hook}" for hook in self.second.bodies[1:])
+        return ("base", *more, "second", *others)
 
     @property
     def world_fixed(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
