@@ -33,13 +33,13 @@ SAMPLES = 17
 
 
 def predictions(world: World, mount_id: str) -> tuple[Predictions, ...]:
-    """One record per group of features. A marker is not looked for by the robot that carries it,
+    """One record per group of features. A marker is not looked for by a sensor at its own hook,
     a segment not by a sensor that can not measure lines."""
     at = sensor_state(world, mount_id)
-    sensor, robot = at.mount.sensor, at.mount.robot
+    sensor, here = at.mount.sensor, (at.mount.robot, at.mount.hook)
     out = []
     for group in groups(world):
-        if group.carrier is not None and group.carrier.id == robot:
+        if group.carrier is not None and (group.carrier.id, group.hook) == here:
             continue
         if group.model.space is not sensor.space:
             continue

@@ -15,7 +15,7 @@ from scene_core.models.base import FeatureModel, Particles, completed
 
 @dataclass(frozen=True)
 class Group:
-    """Features of one model; markers of one carrier; partial features by themselves."""
+    """Features of one model; markers of one carrier's hook; partial features by themselves."""
 
     model: FeatureModel
     labels: tuple[Label, ...]
@@ -31,6 +31,8 @@ class Group:
     offsets: Vec | None = None
     """Of markers (N, d)."""
     up: str = "z"
+    hook: str = "base"
+    """Of the carrier: what the markers are fixed to."""
 
     @property
     def partial(self) -> bool:
@@ -49,6 +51,7 @@ class Group:
             self.carrier,
             None if self.offsets is None else self.offsets[index],
             self.up,
+            self.hook,
         )
 
 
@@ -66,7 +69,7 @@ def groups(world: World, labels: Sequence[Label] | None = None) -> list[Group]:
             if same == len(kinds):
                 kinds.append(f.model)
             kind[id(f.model)] = same
-        of = (kind[id(f.model)], f.carrier, f.particles is None)
+        of = (kind[id(f.model)], f.carrier, f.hook, f.particles is None)
         by_kind.setdefault(of, []).append(label)
     out = []
     for members in by_kind.values():
@@ -85,6 +88,7 @@ def groups(world: World, labels: Sequence[Label] | None = None) -> list[Group]:
                 world.robots[first.carrier] if first.carrier else None,
                 np.array([f.offset for f in kin]) if first.carrier else None,
                 world.up,
+                first.hook,
             )
         )
     return out
@@ -93,13 +97,13 @@ def groups(world: World, labels: Sequence[Label] | None = None) -> list[Group]:
 def states(group: Group, x: Vec) -> tuple[Vec, Mat | None]:
     """y (N, n) of every feature, and its Jacobian by the group's columns (None: identity).
 
-    A marker's coordinates are y = R(q) offset + t, (t, q) = xp of its carrier.
+    A marker's coordinates are y = R(q) offset + t, (t, q) = xp of its carrier's hook.
     """
     if group.carrier is None or group.offsets is None:
         return x[group.columns], None
     motion, space = group.carrier.motion, group.model.space
     xv = x[group.columns[0]]
-    xp, dxp_by_dxv = completed(motion.xp(xv), motion.xp, xv)
+    xp, dxp_by_dxv = completed(motion.xp(xv, group.hook), lambda v: motion.xp(v, group.hook), xv)
     assert dxp_by_dxv is not None
     if motion.space is not space:
         xp, by_xp = embed(xp, motion.space, group.up, space)

@@ -187,6 +187,8 @@ class Feature:
     """The robot that carries this marker, else nothing."""
     offset: Vec | None = None
     """Where the marker is, in the axes of its carrier."""
+    hook: str = "base"
+    """Of the carrier: what the marker is fixed to."""
 
     @property
     def block(self) -> str:

@@ -67,14 +67,16 @@ class KnownFeature:
 
 @dataclass(frozen=True)
 class MarkerSettings:
-    """Something on a robot that the sensors of other robots recognise: seen, it says where that
-    robot is."""
+    """Something on a robot that sensors recognise which are not at the same hook: seen, it says
+    where that robot is."""
 
     robot: str
     position: tuple[float, ...] = param(unit="m")
-    """Place in the axes of the robot: z; z, x; or x, y, z."""
+    """Place in the axes of the hook: z; z, x; or x, y, z."""
     identity: int = param(lo=0, hi=2**31 - 1, effect="on reset")
     """What tells it from landmarks and other markers."""
+    hook: str = "base"
+    """What of the robot it is fixed to."""
 
 
 @dataclass(frozen=True)

@@ -45,13 +45,19 @@ def _feature(world: World, at: str, marker: MarkerSettings) -> Feature:
     if marker.robot not in world.robots:
         known = ", ".join(world.robots)
         raise ParamError(f"{at}.robot = '{marker.robot}': there is no such robot, only {known}")
-    space, own = SPACES.get(len(marker.position)), world.robots[marker.robot].motion.space
+    motion = world.robots[marker.robot].motion
+    if marker.hook not in motion.hooks:
+        raise ParamError(
+            f"{at}.hook = '{marker.hook}': '{motion.name}' has the hooks {', '.join(motion.hooks)}"
+        )
+    space, own = SPACES.get(len(marker.position)), motion.space
     if space is None or space.d < own.d or not np.isfinite(marker.position).all():
         raise ParamError(
             f"{at}.position = {marker.position}: give {own.d} finite numbers, or 3 for sensors in "
             "space"
         )
-    others = (m for m in world.mounts.values() if m.robot != marker.robot)
+    here = (marker.robot, marker.hook)
+    others = (m for m in world.mounts.values() if (m.robot, m.hook) != here)
     mount = next((m.id for m in others if m.sensor.space is space), None)
     if mount is None:
         raise ParamError(
@@ -70,6 +76,7 @@ def _feature(world: World, at: str, marker: MarkerSettings) -> Feature:
         known=True,
         carrier=marker.robot,
         offset=frozen(marker.position),
+        hook=marker.hook,
     )
     alone = replace(world, features={feature.label: feature})
     h = observe(seen_by, groups(alone)[0], world.gauss.x).h[0]
@@ -78,7 +85,14 @@ def _feature(world: World, at: str, marker: MarkerSettings) -> Feature:
 
 def moved_markers(world: World, old: EstimatorSettings, new: EstimatorSettings) -> World:
     """The world with its markers where the new settings put them. Raises ParamError when they are
-    others than before."""
+    others than before, or hang on nothing any more."""
+    for name, marker in new.markers.items():
+        motion = world.robots[marker.robot].motion if marker.robot in world.robots else None
+        if motion is not None and marker.hook not in motion.hooks:
+            raise ParamError(
+                f"marker '{name}' is at the hook '{marker.hook}', which '{motion.name}' does not "
+                f"have: it has {', '.join(motion.hooks)}"
+            )
     if old.markers == new.markers:
         return world
     if [_fixed(m) for m in old.markers.values()] != [_fixed(m) for m in new.markers.values()]:
@@ -90,5 +104,5 @@ def moved_markers(world: World, old: EstimatorSettings, new: EstimatorSettings) 
     return replace(world, features=features)
 
 
-def _fixed(marker: MarkerSettings) -> tuple[str, int, int]:
-    return marker.robot, marker.identity, len(marker.position)
+def _fixed(marker: MarkerSettings) -> tuple[str, str, int, int]:
+    return marker.robot, marker.hook, marker.identity, len(marker.position)

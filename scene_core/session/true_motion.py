@@ -79,6 +79,12 @@ def _check(source: Simulation, robot: str, motion: MotionModel) -> None:
                 f"the true sensor '{name}' is mounted at the hook '{mount.hook}', which "
                 f"'{motion.name}' does not have: it has {', '.join(motion.hooks)}"
             )
+    for name, marker in source.markers.items():
+        if marker.robot == robot and marker.hook not in motion.hooks:
+            raise ParamError(
+                f"the true marker '{name}' is at the hook '{marker.hook}', which "
+                f"'{motion.name}' does not have: it has {', '.join(motion.hooks)}"
+            )
     for name, one in source.instruments.items():
         reason = runs_on(one.model, motion) if one.robot == robot else None
         if reason:

@@ -17,18 +17,18 @@ def places(
     markers: Mapping[str, TrueMarker],
     robots: Mapping[str, TrueRobot],
     xv: Mapping[str, Vec],
-    seen_by: str,
+    seen_from: tuple[str, str],
     space: Space,
     up: str,
 ) -> dict[int, Vec]:
-    """Places (d,) in the world, by identity, of the markers that a sensor of a space can see which
-    the robot `seen_by` carries: those of the same space on other robots at xv."""
+    """Places (d,) in the world, by identity, of the markers that a sensor of a space can see at
+    `seen_from`, a robot and its hook: those of the same space anywhere else on robots at xv."""
     out = {}
     for marker in markers.values():
-        if marker.robot == seen_by or len(marker.position) != space.d:
+        if (marker.robot, marker.hook) == seen_from or len(marker.position) != space.d:
             continue
         motion = robots[marker.robot].motion
-        xp = motion.xp(xv[marker.robot]).xp
+        xp = motion.xp(xv[marker.robot], marker.hook).xp
         if motion.space is not space:
             xp = embed(xp, motion.space, up, space)[0]
         out[marker.identity] = space.to_world(xp, np.array([*marker.position, 1.0])).X[: space.d]
@@ -45,7 +45,13 @@ def check(
         at = f"source.markers.{name}"
         if marker.robot not in robots:
             raise SourceError(f"{at}: there is no true robot '{marker.robot}'")
-        d = robots[marker.robot].motion.space.d
+        motion = robots[marker.robot].motion
+        if marker.hook not in motion.hooks:
+            raise SourceError(
+                f"{at}.hook = '{marker.hook}': '{motion.name}' has the hooks "
+                f"{', '.join(motion.hooks)}"
+            )
+        d = motion.space.d
         if not d <= len(marker.position) <= 3:
             raise SourceError(f"{at}.position: give {d} numbers, or 3 for sensors in space")
         if marker.identity in taken:

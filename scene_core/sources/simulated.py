@@ -194,11 +194,11 @@ class Simulation:
         return space.compose(xp, np.array(m.pose, dtype=float)).x
 
     def outlook(self, mount: str, xv: Mapping[str, Vec]) -> Outlook:
-        """The landmarks, and the markers on other robots, as a sensor truly sees them when the
+        """The landmarks, and the markers on other hooks, as a sensor truly sees them when the
         robots are at xv."""
         sensor, calib, pose = self._camera(mount, xv)
-        seen_by = self.mounts[mount].robot
-        at = markers.places(self.markers, self.robots, xv, seen_by, sensor.space, self.up)
+        seen_from = (self.mounts[mount].robot, self.mounts[mount].hook)
+        at = markers.places(self.markers, self.robots, xv, seen_from, sensor.space, self.up)
         return Outlook(self.world, self.up, sensor, calib, pose, at)
 
     def line_outlook(self, mount: str, xv: Mapping[str, Vec]) -> LineOutlook:
