@@ -9,6 +9,7 @@ import viser
 
 from scene_core.session import commands
 from scene_core.session.published import Published
+from web_panels.boxes import boxes_html
 from web_panels.focus import focus_html
 from web_panels.panel import Page, Post
 from web_panels.widgets import Bound, Group, on_command, on_press
@@ -58,7 +59,7 @@ class Transport:
 
     def build(self, server: viser.ViserServer, post: Post) -> None:
         gui = server.gui
-        gui.add_html(focus_html())
+        gui.add_html(focus_html() + boxes_html())
         self.buttons: dict[str, viser.GuiButtonHandle] = {}
         for label, key, icon, action, help_text in BUTTONS:
             text = f"{label} [{KEY_WORDS.get(key, key)}]" if key else label

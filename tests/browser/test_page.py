@@ -244,6 +244,23 @@ def test_drag_a_slider(site: Site, shown: Page) -> None:
     assert budget() == before
 
 
+def test_a_number_box_left_without_a_number_shows_what_is_in_force(site: Site, shown: Page) -> None:
+    shown.get_by_role("tab", name="Estimator").click()
+    row = shown.locator("label", has_text="Select, max")
+    box = row.locator("xpath=ancestor::*[.//input][1]//input").last
+    budget = site.latest.experiment.estimator.policies.selection.budget
+    expect(box).to_have_value(str(budget), timeout=15_000)
+    for typed in ("", "-"):
+        box.click()
+        shown.keyboard.press("Control+a")
+        shown.keyboard.press("Delete")
+        box.press_sequentially(typed)
+        expect(box).to_have_value(typed)
+        shown.keyboard.press("Tab")
+        expect(box).to_have_value(str(budget))
+    assert not site.latest.can_undo
+
+
 def test_a_feature_that_was_deleted_comes_back_with_ctrl_z(site: Site, shown: Page) -> None:
     def mapped(label: int) -> bool:
         return (t := site.latest.trace) is not None and label in t.world.features
