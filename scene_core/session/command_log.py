@@ -69,9 +69,11 @@ class CommandLog:
         self._deeds.setdefault(deed.frame, []).append(deed)
 
     def drop(self, deed: Deed) -> None:
-        """It was never asked for."""
-        self._deeds[deed.frame].remove(deed)
-        self._idle.pop(deed, None)
+        """It was never asked for. What was asked for after it came to nothing, or it would have
+        been taken back before; some of that because of it, so that goes too."""
+        deeds = self._deeds[deed.frame]
+        del deeds[deeds.index(deed) :]
+        self._deeds = {frame: ds for frame, ds in self._deeds.items() if frame <= deed.frame}
 
     def deeds_of(self, frame: int) -> tuple[Deed, ...]:
         """What is done when a frame is complete."""

@@ -191,6 +191,8 @@ class Run:
         Returns a sentence; raises ParamError when it makes no sense."""
         measured = self.trace.frame.raw if self.trace else ()
         frame_end.check(command, self.world, self.frame, self.half_stepped, measured)
+        if self._open and any(d.command == command for d in self.log.deeds_of(self.frame)):
+            raise ParamError(f"{frame_end.waiting(command)}, as was asked for before")
         record = None if self._trace is None or self._open else self._done(self._trace, command)
         deed, before = Deed(self.frame, command), self.settings
         self._discard_future(self.frame, computed=self._at.frame)

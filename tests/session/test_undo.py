@@ -249,16 +249,35 @@ def test_what_was_refused_is_nothing_to_undo() -> None:
     assert session.settings.experiment == session.base and not session.settings.past
 
 
-def test_what_came_to_nothing_at_the_end_of_its_frame_is_nothing_to_undo() -> None:
+@pytest.mark.parametrize("later", [0, 3])
+def test_what_came_to_nothing_is_nothing_to_undo(later: int) -> None:
+    """The second click finds the feature of the first one; it starts none when that is undone."""
+    never, session = started("line", 7), started("line", 7)
+    for one in (never, session):
+        one.step_phase()
+    first = click(session)
+    assert isinstance(first, InitialiseAt)
+    obey(session, first, InitialiseAt("range", (first.z[0] + 1e-3,), session.frame))
+    go_on(session, 7)
+    if later:
+        go_on(session, 7 + later)
+        session.apply(InitialiseAt("range", first.z, session.frame))
+    assert "is feature" in session.message
+    assert len(session.settings.past) == 2, "an edit, a click"
+    session.apply(Undo())
+    go_on(never, 7 + later)
+    go_on(session, 7 + later)
+    assert state(session) == state(never)
+
+
+def test_what_is_waiting_is_not_asked_for_twice() -> None:
     session = started()
     session.step_phase()
-    twice = delete(session)
-    obey(session, twice, twice)
-    go_on(session, 8)
-    assert session.message == "there is no feature 1 to delete"
-    assert len(session.settings.past) == 1
-    session.apply(Undo())
-    assert 1 not in session.world.features, "the other of the two takes its place"
+    session.apply(delete(session))
+    settings, log = session.settings, session.log
+    with pytest.raises(ParamError, match=r"feature 1 is deleted when .*, as was asked for before"):
+        session.apply(delete(session))
+    assert (session.settings, session.log) == (settings, log)
 
 
 def test_a_click_on_what_is_in_the_map_keeps_what_could_be_done_again() -> None:
