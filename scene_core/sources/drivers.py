@@ -167,9 +167,11 @@ class Shuttle(Driver):
     """Nominal speed."""
 
     def unfit(self, motion: MotionModel) -> str:
-        if "v" in motion.control_labels:
-            return ""
-        return f"it sets the speed v, and {_controls_of(motion)}"
+        if "v" not in motion.control_labels:
+            return f"it sets the speed v, and {_controls_of(motion)}"
+        if motion.space.d > 1:
+            return f"it goes to and fro on a line, and this is a robot in {motion.space.name}"
+        return ""
 
     def memory0(self) -> Any:
         return 1.0

@@ -145,6 +145,13 @@ def test_landmarks_a_file_calls_known_are_given_to_the_estimator(tmp_path: Path)
         ("nomad", DRIVER, "hand held", "'hand held' can not drive 'planar nomad': .*'vx'"),
         ("cloister", "source.robots.robot.driver", "shuttle", "sets the speed v"),
         (
+            "nomad",
+            DRIVER,
+            "shuttle",
+            "'shuttle' can not drive 'planar nomad': it goes to and fro on a line, and this is a "
+            r"robot in 2-D; choose another driver \(constant, waypoints, manual\)$",
+        ),
+        (
             "gyro",
             "source.robots.hand.driver",
             "waypoints",

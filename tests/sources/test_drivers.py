@@ -21,6 +21,9 @@ from scene_core.sources.simulated import Simulation, TrueRobot
 from scene_core.sources.worlds import Field, Line, ThickCloister
 
 DT = 1 / 30
+each_motion = pytest.mark.parametrize(
+    "cls", registry.built_in("motion").values(), ids=lambda c: c.name
+)
 
 
 def states(simulation: Simulation, robot: str, frames: int) -> np.ndarray:
@@ -43,6 +46,19 @@ def test_shuttle_stays_between_its_ends() -> None:
     z = states(Simulation(Line(), {"r": robot}, {}, dt=0.1), "r", 600)[:, 0]
     assert z.min() < -0.9 and z.max() > 1.9
     assert z.min() > -1.2 and z.max() < 2.2
+
+
+@each_motion
+def test_shuttle_drives_no_robot_that_it_watches_in_one_direction_only(
+    cls: type[MotionModel],
+) -> None:
+    motion = cls()
+    if motion.space.d == 1:
+        return wheel.check_driver(Shuttle(), motion)
+    with pytest.raises(
+        SourceError, match=f"'shuttle' can not drive '{motion.name}': it .*; c"
+    ):
+        wheel.check_driver(Shuttle(), motion)
 
 
 def test_waypoints_are_visited_in_order_for_ever() -> None:
@@ -141,7 +157,7 @@ def test_every_driver_there_is_can_be_recommended() -> None:
     assert found is not None and set(wheel.DRIVERS) == set(found[1].values())
 
 
-@pytest.mark.parametrize("cls", registry.built_in("motion").values(), ids=lambda c: c.name)
+@each_motion
 def test_a_driver_that_is_accepted_drives(cls: type[MotionModel]) -> None:
     """With a goal ahead, or the controls of an accepted default, nothing raises; a robot with
     waypoints moves."""
