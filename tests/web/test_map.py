@@ -18,8 +18,10 @@ from scene_core.geometry.ellipses import sigma
 from scene_core.geometry.embedding import embed_covariances as embed_P
 from scene_core.geometry.embedding import embed_points
 from scene_core.models.sensors.fisheye import Fisheye
+from scene_core.session.commands import SwapModel
 from scene_core.session.presets import build
 from scene_core.session.published import Published
+from scene_core.session.runner import Runner
 from scene_core.session.session import Session
 from scene_core.sources.simulated import Simulation
 from scene_core.sources.worlds import in_axes
@@ -29,13 +31,14 @@ from tests.web.test_gate import free_port, wait
 from web_panels import gate, map_geometry, verdicts
 from web_panels.cameras import Cameras, read_camera
 from web_panels.clouds import Cloud, Clouds, within_ray
+from web_panels.frame_card import pose_card
 from web_panels.instances import Instances
 from web_panels.map_layers import Sightings
 from web_panels.map_legend import legend_html, legend_of
-from web_panels.map_panel import followed
-from web_panels.map_robots import Robots
+from web_panels.map_panel import MapPanel, followed
+from web_panels.map_robots import Paths, Robots
 from web_panels.map_waypoints import flag_height
-from web_panels.panel import Look
+from web_panels.panel import Look, Page
 from web_panels.style import HEX, C, linear, robot_colour
 from web_panels.viewpoints import FOV
 
@@ -438,6 +441,47 @@ def test_the_parts_of_an_arm_are_drawn_and_only_the_robot_named() -> None:
         true = map_geometry.true_position(p, *part, up=world.up)
         assert true is not None and np.linalg.norm(true - body.position) < 0.5
     server.stop()
+
+
+def test_two_robots_of_one_model_are_drawn_and_told_as_two() -> None:
+    p = published("pair", 20)
+    assert p.trace is not None
+    world, truth = p.trace.world, p.trace.frame.truth
+    server = gate.guarded_server("127.0.0.1", free_port(), None)
+    robots, paths = Robots(server.scene, world, 5.0), Paths(server.scene, world)
+    robots.render(p, world, truth=True)
+    paths.render(p, trajectories=True, truth=True)
+    assert robots.parts == [("pair", "base"), ("pair", "second")] and truth is not None
+    assert [n.text for n in robots.names.values()] == ["pair", "pair second"]
+    assert len({body.color for body in robots.bodies.values()}) == 2
+    assert len({body.radius for body in robots.bodies.values()}) == 1
+    for i, (part, body) in enumerate(robots.bodies.items()):
+        at, true = map_geometry.robot_pose(world, *part)[:3], truth.at(*part)
+        assert true is not None
+        np.testing.assert_allclose(body.position, at)
+        np.testing.assert_allclose(robots.true_bodies[part].position, [true[1], 0.0, true[0]])
+        name = ("pair", "pair second")[i]
+        for kind in ("estimate", "truth"):
+            assert paths.nodes[name, kind].visible
+        np.testing.assert_allclose(paths.nodes[name, "estimate"].points[-1, 1], at, atol=1e-6)
+        colour = "#{:02x}{:02x}{:02x}".format(*robot_colour(i))
+        assert f"estimate of {name}" in legend_of(p, Look()) and colour in legend_of(p, Look())
+        assert f"Pose of {name}<" in pose_card(p)
+    server.stop()
+
+
+def test_a_model_that_is_swapped_brings_its_bodies_to_the_map(server: viser.ViserServer) -> None:
+    session = Session(build("nomad"))
+    session.advance()
+    panel = MapPanel(Page())
+    panel.build(server, lambda command: None)
+    panel.render(Runner(session).latest)
+    assert panel.robots.parts == [("nomad", "base")]
+    session.apply(SwapModel("estimator.robots.nomad.motion", "double"))
+    session.advance()
+    panel.render(Runner(session).latest)
+    assert panel.robots.parts == [("nomad", "base"), ("nomad", "second")]
+    assert not panel.robots.true_bodies["nomad", "second"].visible, "there is none"
 
 
 def test_undulating_ground_is_drawn_where_it_is() -> None:
