@@ -127,7 +127,11 @@ max-height:calc(50vh - 115px)!important;width:auto!important;display:block;margi
 @media(max-width:36em){.mantine-Paper-root[style*="bottom: 0px"][style*="width: 20em"],
 .mantine-Paper-root[style*="bottom: 0px"] div[style*="width: 20em"]{width:100%!important}
 .mantine-Paper-root[style*="bottom: 0px"] .mantine-ScrollArea-content{
-width:100vw!important;min-width:0!important}}
+width:100vw!important;min-width:0!important}
+.mantine-Paper-root[style*="bottom: 0px"] .mantine-ScrollArea-content>div>div:last-child{
+display:flex;flex-direction:column}
+.mantine-Paper-root[style*="bottom: 0px"] .mantine-ScrollArea-content>div>div:last-child>
+div:last-child{order:-1}}
 .u-legend{font-size:11px!important;margin:0!important}.u-title{font-size:12px!important;font-weight:600}
 </style>"""
 """Put on the page once; every `add_html` of every panel is styled by it."""

@@ -174,6 +174,17 @@ def test_no_panel_of_a_phone_is_wider_than_the_screen(site: Site, shown: Page) -
         assert beyond <= 1, name
 
 
+def test_the_panels_of_a_phone_are_above_the_controls(site: Site, shown: Page) -> None:
+    """Below them nobody would find them."""
+    shown.set_viewport_size({"width": 400, "height": 800})
+    opener = shown.get_by_role("button", name="Expand panel camera")
+    expect(opener).to_be_visible(timeout=15_000)
+    row = opener.bounding_box()
+    play = shown.get_by_role("button", name="Play [Space]").bounding_box()
+    assert row is not None and play is not None
+    assert row["y"] + row["height"] <= play["y"] < 800
+
+
 def test_another_scenario_keeps_the_panels_where_they_are(site: Site, shown: Page) -> None:
     """Its sensor has another kind of picture; `page` fails on complaints in the console."""
     picture = shown.locator('img[src^="blob:"]').first
