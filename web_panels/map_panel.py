@@ -11,6 +11,7 @@ from scene_core.filter.world import Label, World
 from scene_core.session.commands import Select
 from scene_core.session.published import Published
 from scene_core.session.start import initial_world
+from scene_core.session.tracks import body_name
 from web_panels import map_geometry as geo
 from web_panels.cameras import CLOSE, FAR, Cameras
 from web_panels.clouds import Cloud, Clouds
@@ -107,7 +108,7 @@ class MapPanel:
         states = geo.states(trace, world, cloud.labels)
         rgb = self._colours(p, world, cloud, states)
         self.followed = followed(world, look)
-        robot = geo.robot_pose(world, self.followed)
+        robot = geo.robot_pose(world, *self.followed)
         still = p.mode != "playing"
         slow = still or now >= self.slow_due or p.selected != self.chosen
         images: dict[str, bytes] = {}
@@ -142,7 +143,7 @@ class MapPanel:
             self.cameras.refit(bounds)
         eye = None
         cameras = [name for name, m in world.mounts.items() if m.sensor.pane == "image"]
-        cameras.sort(key=lambda name: world.mounts[name].robot != self.followed)
+        cameras.sort(key=lambda name: world.mounts[name].robot != self.followed[0])
         if cameras:
             eye = geo.mount_pose(world, cameras[0])
             self.cameras.eye_fov = self.robots.view_angle(world, cameras[0])[0]
@@ -174,6 +175,7 @@ class MapPanel:
         return geo.bounds_of(np.concatenate(parts))
 
 
-def followed(world: World, look: Look) -> str:
-    """The robot the view goes with."""
-    return look.follow if look.follow in world.robots else next(iter(world.robots))
+def followed(world: World, look: Look) -> geo.Part:
+    """The body the view goes with."""
+    by_name = {body_name(*body): body for body in geo.bodies(world.robots)}
+    return by_name.get(look.follow) or next(iter(by_name.values()))

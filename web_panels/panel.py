@@ -65,7 +65,7 @@ class Look:
     labels: bool = True
     """Labels of features near the robot; the selected one always has one."""
     follow: str = ""
-    """The robot that is followed; the first one unless it is there."""
+    """The body of a robot that is followed; the first one unless it is there."""
     placing: str = ""
     """The robot whose waypoints a click on the ground adds; none when empty."""
     dark: bool = True

@@ -9,6 +9,8 @@ import viser
 
 from scene_core.geometry.ellipses import chi2_gate
 from scene_core.session.published import Published
+from scene_core.session.tracks import body_name
+from web_panels import map_geometry as geo
 from web_panels import style
 from web_panels.map_legend import confidence_words
 from web_panels.panel import Look, Page, Post, View
@@ -99,7 +101,8 @@ class ViewPanel:
     def render(self, p: Published) -> None:
         self.zero_axes.render(p)
         look = self.page.look
-        self._show_robots(tuple(p.experiment.estimator.robots), look)
+        bodies = geo.bodies(p.experiment.estimator.robots)
+        self._show_robots(tuple(body_name(*body) for body in bodies), look)
         d = p.experiment.estimator.policies.landmark.space.d
         if (look, d) == self.drawn:
             return

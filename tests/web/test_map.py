@@ -23,6 +23,7 @@ from scene_core.session.presets import build
 from scene_core.session.published import Published
 from scene_core.session.runner import Runner
 from scene_core.session.session import Session
+from scene_core.session.start import initial_world
 from scene_core.sources.simulated import Simulation
 from scene_core.sources.worlds import in_axes
 from tests.web.fakes import published
@@ -422,8 +423,10 @@ def test_every_robot_has_its_colour_its_name_and_can_be_followed() -> None:
         np.testing.assert_allclose(robots.bodies[name, "base"].position, at)
         assert robots.true_bodies[name, "base"].visible
     server.stop()
-    assert followed(world, Look()) == first == followed(world, Look(follow="nobody"))
-    assert followed(world, Look(follow=second)) == second
+    assert followed(world, Look()) == (first, "base") == followed(world, Look(follow="nobody"))
+    assert followed(world, Look(follow=second)) == (second, "base")
+    two = initial_world(build("pair"))
+    assert followed(two, Look(follow="pair second")) == ("pair", "second")
 
 
 def test_the_parts_of_an_arm_are_drawn_and_only_the_robot_named() -> None:
