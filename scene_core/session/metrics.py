@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -19,6 +20,8 @@ from scene_core.session.tracks import RobotTrack, body_name
 MAX_ROWS = 50_000
 """Frames kept for the plots; beyond, the oldest quarter is forgotten."""
 LIGHT_FRAMES = 30
+WORSE = ("consistent", "cautious", "overconfident")
+"""The later the worse."""
 PHASES = ("predict", "internal", "select", "search", "associate", "update", "manage")
 
 
@@ -123,6 +126,9 @@ class Metrics:
         """Forget the rows after the end of `frame`."""
         for column in self._columns():
             column.truncate(max(0, frame + 1 - self.first))
+        # What was there in no frame that is left comes from an edit that is void now.
+        self.robots = {n: track for n, track in self.robots.items() if track.xp.any_row()}
+        self.calibrations = {n: c for n, c in self.calibrations.items() if c.any_row()}
         self._axes = [entry for entry in self._axes if entry[0] <= frame]
         self.show(frame)
 
@@ -165,12 +171,24 @@ class Metrics:
 
     def light(self) -> Light:
         """Whether the errors are as large as the filter says: the mean NEES of the last frames,
-        or without truth their NIS, against the 95 % interval of one value."""
-        for track in self.robots.values():
+        or without truth their NIS, against the 95 % interval of one value. Of several robots that
+        of the first which is least so."""
+        lights = list(self._nees_lights())
+        if lights:
+            return max(lights, key=lambda light: WORSE.index(light.state))
+        return self._nis_light()
+
+    def _nees_lights(self) -> Iterator[Light]:
+        """One for every body whose truth was known lately."""
+        there = {name: r for name, r in self.robots.items() if r.is_there(self._shown)}
+        for name, track in there.items():
             recent = track.nees.view(self._shown)[-LIGHT_FRAMES:]
             if self.align == "none" and np.isfinite(recent).any():
                 dof = track.space.tangent
-                return _light("NEES", float(np.nanmean(recent)), chi2_band(dof), f"{dof} DoF")
+                what = f"NEES of {name}" if len(there) > 1 else "NEES"
+                yield _light(what, float(np.nanmean(recent)), chi2_band(dof), f"{dof} DoF")
+
+    def _nis_light(self) -> Light:
         counts = self.counts.view(self._shown)[-LIGHT_FRAMES:]
         frames = counts[counts[:, COUNTS.index("dof")] > 0]
         if not len(frames):
@@ -184,9 +202,7 @@ class Metrics:
 
 def _light(what: str, value: float, band: tuple[float, float], of: str) -> Light:
     lo, hi = band
-    text = f"{what} {value:.2f} in {lo:.2f} to {hi:.2f} ({of})"
-    if value > hi:
-        return Light("overconfident", text.replace(" in ", " above "))
+    state, lies = ("overconfident", "above") if value > hi else ("consistent", "in")
     if value < lo:
-        return Light("cautious", text.replace(" in ", " below "))
-    return Light("consistent", text)
+        state, lies = "cautious", "below"
+    return Light(state, f"{what} {value:.2f} {lies} {lo:.2f} to {hi:.2f} ({of})")

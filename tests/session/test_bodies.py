@@ -62,6 +62,19 @@ def test_both_are_as_wrong_as_they_believe() -> None:
         assert lo <= result.nees(body) <= hi
 
 
+def test_the_light_is_that_of_the_robot_that_is_least_consistent(ran: Session) -> None:
+    calm = ran.metrics.light()
+    assert calm.state == "consistent" and calm.text.startswith("NEES of pair ")
+    sure = params.put(pair(), f"{MOTION}.second.sd_steer", 0.0)
+    sure = params.put(sure, f"{MOTION}.second.sd_v", 0.001)
+    session = Session(sure)
+    for _ in range(40):
+        session.advance()
+    light = session.metrics.light()
+    assert light.state == "overconfident" and light.text.startswith("NEES of pair second ")
+    assert " above " in light.text
+
+
 def test_the_second_is_known_again_when_it_is_seen_again() -> None:
     session = Session(pair())
     for _ in range(190):
