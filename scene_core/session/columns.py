@@ -45,6 +45,10 @@ class Column:
         if not len(self._rows):
             self._rows = np.empty((64, *self._shape))
 
+    def any_row(self) -> bool:
+        """Whether any row says something."""
+        return bool(np.isfinite(self._rows[: self._count]).any())
+
     def view(self, count: int) -> Vec:
         """The first `count` rows (T, ...), read-only."""
         out = self._rows[: min(count, self._count)]
