@@ -74,10 +74,16 @@ class CommandLog:
         deeds = self._deeds[deed.frame]
         del deeds[deeds.index(deed) :]
         self._deeds = {frame: ds for frame, ds in self._deeds.items() if frame <= deed.frame}
+        self._idle = {d: why for d, why in self._idle.items() if self.holds(d)}
 
     def deeds_of(self, frame: int) -> tuple[Deed, ...]:
         """What is done when a frame is complete."""
         return tuple(self._deeds.get(frame, ()))
+
+    def done(self, frame: int) -> tuple[Deed, ...]:
+        """What was done at the ends of frames up to this one, in order, or waits for its end."""
+        frames = sorted(f for f in self._deeds if f <= frame)
+        return tuple(d for f in frames for d in self._deeds[f] if d not in self._idle)
 
     def holds(self, deed: Deed) -> bool:
         return deed in self._deeds.get(deed.frame, ())

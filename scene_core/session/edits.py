@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
@@ -32,12 +32,12 @@ class Settings:
 
     def edited(self, experiment: Experiment, path: str = "", same_step: bool = False) -> Settings:
         """After one more edit; `same_step` merges it with the last one for undo."""
-        past = self.past if same_step else (*self.past, self.experiment)[-UNDO_STEPS:]
+        past = self.past if same_step else _latest((*self.past, self.experiment))
         return Settings(experiment, past, (), path)
 
     def after(self, deed: Deed) -> Settings:
         """After something that changes no setting, but can be undone."""
-        return Settings(self.experiment, (*self.past, deed)[-UNDO_STEPS:])
+        return Settings(self.experiment, (*self.past, deed))
 
     @property
     def undoes(self) -> Experiment | Deed | None:
@@ -76,9 +76,29 @@ class Settings:
             return self
         return replace(self, past=past, future=future)
 
+    def with_deeds(self, deeds: Sequence[Deed]) -> Settings:
+        """With all of these in what there is to undo, each before those that came later; the same
+        object when they are there."""
+        missing = [deed for deed in deeds if deed not in self.past]
+        if not missing:
+            return self
+        past = list(self.past)
+        for deed in reversed(missing):
+            later = [past.index(d) for d in deeds[deeds.index(deed) + 1 :] if d in past]
+            past.insert(min(later, default=len(past)), deed)
+        return replace(self, past=tuple(past))
+
     def edits_only(self) -> Settings:
         """For another run, in which nothing was done yet."""
         return self.without_deeds(lambda _: True, lambda _: True)
+
+
+def _latest(past: tuple[Experiment | Deed, ...]) -> tuple[Experiment | Deed, ...]:
+    """Without the oldest edits, when there are too many. What was done at the end of a frame stays:
+    it is in the log as long as the frame is."""
+    edits = [i for i, step in enumerate(past) if not isinstance(step, Deed)]
+    forgotten = edits[: max(0, len(edits) - UNDO_STEPS)]
+    return tuple(step for i, step in enumerate(past) if i not in forgotten)
 
 
 def set_param(experiment: Experiment, path: str, value: object) -> Experiment:

@@ -75,7 +75,9 @@ class Run:
     @property
     def settings(self) -> Settings:
         """As last edited: in force now or with the next frame."""
-        return self._logged.without_deeds(self._is_gone, self._not_again)
+        logged = self._logged.without_deeds(self._is_gone, self._not_again)
+        # What was done again later than it was done is not in the settings of the time between.
+        return logged.with_deeds(self.log.done(self.frame))
 
     @property
     def _logged(self) -> Settings:

@@ -19,6 +19,7 @@ from scene_core.session.commands import (
     Undo,
     ZeroAxes,
 )
+from scene_core.session.edits import UNDO_STEPS
 from scene_core.session.presets import build
 from scene_core.session.run import FRAMES_AGAIN
 from scene_core.session.session import Session
@@ -213,6 +214,32 @@ def test_before_the_frame_in_which_it_was_done_there_is_nothing_to_undo() -> Non
     assert state(session) == there
 
 
+def test_done_again_later_it_is_undone_also_where_it_was_done() -> None:
+    session = started()
+    first, second = sorted(session.world.features)[:2]
+    obey(session, DeleteFeature(first), DeleteFeature(second), Undo())
+    there = state(session)
+    go_on(session, 10)
+    obey(session, Redo(), Seek(7))
+    assert second not in session.world.features
+    session.apply(Undo())
+    assert state(session) == there
+
+
+def test_many_edits_forget_no_deed() -> None:
+    session = started(frames=4)
+    label = min(session.world.features)
+    session.apply(DeleteFeature(label))
+    values = [0.2 + 0.001 * i for i in range(UNDO_STEPS + 20)]
+    for value in values:
+        obey(session, SetParam(SD, value), SwapModel("estimator.policies.update.kind", "stacked"))
+    for _ in range(UNDO_STEPS):
+        session.apply(Undo())
+    assert label not in session.world.features
+    session.apply(Undo())
+    assert label in session.world.features and session.settings.undoes is None
+
+
 def test_a_frame_done_over_with_an_edit_keeps_what_was_done_at_its_end_undoable() -> None:
     expected, session = started(frames=7), started()
     expected.apply(SetParam(SD, 0.3))
@@ -292,6 +319,17 @@ def test_a_click_on_what_is_in_the_map_keeps_what_could_be_done_again() -> None:
     assert "is feature" in session.message
     session.apply(Redo())
     assert session.message.startswith("done again: the deletion")
+
+
+def test_an_edit_that_is_void_leaves_no_curve() -> None:
+    never, session = started("cloister", 4), started("cloister", 4)
+    session.apply(SetParam("estimator.mounts.camera.calib_sd.u0", 1.0))
+    session.advance()
+    assert session.metrics.series().calibrations.keys() > never.metrics.series().calibrations.keys()
+    obey(session, BACK, Undo(), SetParam("estimator.policies.selection.budget", 7))
+    assert (
+        session.metrics.series().calibrations.keys() == never.metrics.series().calibrations.keys()
+    )
 
 
 def test_a_new_start_has_nothing_of_the_old_run_to_undo() -> None:
