@@ -155,5 +155,5 @@ def _key(canvas: np.ndarray, table: Table) -> None:
     rows = [(short, words) for short, words, _ in GROUPS if short in named]
     for i, (short, words) in enumerate([*rows, ("7", "landmark")]):
         at = y + height + 48 + 34 * i
-        _text(canvas, short, (x, at), C["estimate"] if i < len(rows) else C["ink"], 0.55)
-        _text(canvas, words, (x + 30, at), C["dim"], 0.5)
+        _text(canvas, short, (x, at), C["estimate"] if i < len(rows) else C["ink"], 0.7)
+        _text(canvas, words, (x + 34, at), C["dim"], 0.68)

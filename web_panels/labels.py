@@ -13,6 +13,8 @@ from web_panels.painter import CORNERS, SHIFT, circle
 
 DIRECTIONS = circle(16)
 """Places around a feature that are tried for its id, at each of two distances."""
+LONG = 2.0
+"""An id at the end of what reaches so many times farther there could be anything's."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,8 @@ class Occupancy:
         return round(x), round(y + h)
 
     def _candidates(self, s: Drawn, w: int, h: int, outlined: bool) -> Vec:
-        """Upper left corners (n, 2): around the shape, touching the tangent of each direction."""
+        """Upper left corners (n, 2): around the shape, touching the tangent of each direction;
+        those where the shape reaches far, as a line does along itself, last."""
         drawn = [s.contours.reshape(-1, 2), s.centre + self.gap * CORNERS]
         if s.match is not None:
             drawn.append(s.match + s.half * CORNERS)
@@ -80,7 +83,9 @@ class Occupancy:
         near = [
             s.centre + DIRECTIONS * (reach + half + far * self.gap)[:, None] for far in (1.5, 5.0)
         ]
-        return np.round(np.concatenate(near) - np.array([w, h]) / 2)
+        long = np.tile(np.maximum(reach, LONG * reach.min()), 2)
+        beside = np.concatenate(near)[np.argsort(long, kind="stable")]
+        return np.round(beside - np.array([w, h]) / 2)
 
     def _free(self, corners: Vec, w: int, h: int) -> np.ndarray:
         lo = np.maximum((corners - self.PAD) // self.GRID, 0).astype(int)

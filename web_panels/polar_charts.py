@@ -22,6 +22,8 @@ from web_panels.style import C
 SIZE = (800, 600)
 ROBOT = np.array([[0.0, -14.0], [9.0, 10.0], [-9.0, 10.0]])
 STEPS = (1.0, 2.0, 5.0)
+AXIS_TYPE = 0.75
+"""Size of the numbers of a grid, on a canvas that is shown at half its size."""
 GOLDEN = 0.618034
 """Of a turn: multiples of it stay apart from each other, however many there are."""
 Limits = tuple[tuple[float, float], ...]
@@ -71,8 +73,8 @@ class PolarChart:
         self.spokes(painter)
         for r in radii:
             x, y = self.place(np.array([r, 0.0]))
-            at = (round(x + 5), round(y + 18))
-            cv2.putText(canvas, f"{r:g} m", at, FONT, 0.5, C["dim"], 1, cv2.LINE_AA)
+            at = (round(x + 5), round(y + 22))
+            cv2.putText(canvas, f"{r:g} m", at, FONT, AXIS_TYPE, C["dim"], 1, cv2.LINE_AA)
         self.robot(painter)
         return canvas
 
@@ -190,8 +192,8 @@ class RangeChart:
         for r in self.disc.radii():
             self.disc.arc(painter, r)
             x, y = self.disc.place(np.array([r, 0.0]))
-            at = (round(x + 5), round(y + 18))
-            cv2.putText(canvas, f"{r:g} m", at, FONT, 0.5, C["dim"], 1, cv2.LINE_AA)
+            at = (round(x + 5), round(y + 22))
+            cv2.putText(canvas, f"{r:g} m", at, FONT, AXIS_TYPE, C["dim"], 1, cv2.LINE_AA)
         self.disc.robot(painter)
         return canvas
 
@@ -246,9 +248,12 @@ class AngleChart:
                 line[:, axis] = v
                 a, b = self.place(line)
                 painter.line(a, b, C["line"], 1.2)
-                x, y = a + np.array((-12.0, 18.0) if axis == 0 else (5.0, -4.0))
-                words, at = f"{math.degrees(v):.0f}", (round(x), round(y))
-                cv2.putText(canvas, words, at, FONT, 0.45, C["dim"], 1, cv2.LINE_AA)
+                words = f"{math.degrees(v):.0f}"
+                (wide, _), _ = cv2.getTextSize(words, FONT, AXIS_TYPE, 1)
+                right = self.size[0] - wide - 2
+                x, y = a + np.array((-wide / 2, 22.0) if axis == 0 else (0.0, -4.0))
+                at = (round(min(x, right)) if axis == 0 else right, round(y))
+                cv2.putText(canvas, words, at, FONT, AXIS_TYPE, C["dim"], 1, cv2.LINE_AA)
         return canvas
 
     def place(self, z: Vec, lane: np.ndarray | None = None) -> Vec:

@@ -18,6 +18,8 @@ MARGIN = 44
 LANES = 7
 LANE_HEIGHT = 36
 CAP = 10.0
+TYPE = 0.6
+"""Size of the numbers of the ruler."""
 
 
 class BarChart:
@@ -40,12 +42,12 @@ class BarChart:
         for v in np.arange(first, self.hi + step / 1e3, step):
             self._upright(painter, v, 16.0, self.axis + 6.0, C["line"], 1.2)
             words = f"{v:g}"
-            w, _ = painter.text_size(words, 0.42)
-            at = (round(self._x(v) - w / 2), self.axis + 28)
-            painter.text(words, at, C["dim"], 0.42)
+            w, _ = painter.text_size(words, TYPE)
+            at = (round(self._x(v) - w / 2), self.axis + 30)
+            painter.text(words, at, C["dim"], TYPE)
         ends = np.array([[self._x(self.lo), self.axis], [self._x(self.hi), self.axis]])
         painter.line(ends[0], ends[1], C["dim"], 1.5)
-        painter.text(self.unit, (SIZE[0] - MARGIN + 12, self.axis + 5), C["dim"], 0.42)
+        painter.text(self.unit, (SIZE[0] - MARGIN + 12, self.axis + 5), C["dim"], TYPE)
         if self.lo <= 0.0 <= self.hi:
             self._upright(painter, 0.0, 16.0, self.axis, C["estimate"], 1.5)
         for v in raw_points(scene.raw).reshape(-1):

@@ -6,7 +6,7 @@ import pytest
 from scene_core.filter.ports import Image, Points, Raw
 from scene_core.geometry.ellipses import ellipse_points
 from web_panels.drawing import hit, paint, shapes_of
-from web_panels.labels import Occupancy
+from web_panels.labels import Drawn, Occupancy
 from web_panels.marks import Mark, Scene
 from web_panels.painter import Painter
 from web_panels.polar_charts import PolarChart, nice_reach
@@ -108,6 +108,16 @@ def test_ids_touch_neither_ellipses_nor_each_other():
         assert not outline[box].any()
         assert not taken[box].any()
         taken[box] = True
+
+
+def test_the_id_of_a_line_is_beside_it_not_at_its_far_end():
+    along = np.stack([np.linspace(100.0, 700.0, 17), np.linspace(120.0, 480.0, 17)], axis=-1)
+    line = Drawn(along[8], along[None], None, None, 5.0)
+    at = Occupancy((600, 800, 3), [line], 1.25).place(line, 30, 15, must=False)
+    assert at is not None
+    middle = np.array([at[0] + 15.0, at[1] - 7.5])
+    assert np.linalg.norm(along - middle, axis=1).min() < 90
+    assert np.linalg.norm(along[8] - middle) < 110
 
 
 def test_an_id_without_room_is_left_out_but_not_that_of_the_selected_one():
