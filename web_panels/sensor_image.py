@@ -76,15 +76,15 @@ def image_chart(sensor: Sensor, scene: Scene) -> ImageChart:
     return ImageChart(width, height)
 
 
-def image_words(sensor: Sensor) -> str:
+def image_words(sensor: Sensor) -> tuple[str, ...]:
     """Size of the picture, and the range of what else is measured."""
     (_, width), (_, height) = sensor.limits[:2]
     size = f"{width:.0f} × {height:.0f} px"
     if sensor.measurement_size == 2:
-        return size
+        return (size,)
     if sensor.limits[2:] == sensor.limits[:2]:
-        return f"two pictures of {size}"
-    return f"{size}, {limits_words(sensor, first=2)}"
+        return (f"two pictures of {size}",)
+    return (size, *limits_words(sensor, first=2))
 
 
 class SensorImage(SensorPane):

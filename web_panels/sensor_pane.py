@@ -17,7 +17,7 @@ from web_panels.clickable import Click, ClickableImage
 from web_panels.drawing import Chart, Shape, hit, paint
 from web_panels.marks import Scene, scene_of
 from web_panels.panel import Page, Post
-from web_panels.style import C, escape, quantity
+from web_panels.style import C, escape, shown
 
 REMEMBERED = 40
 """Pictures whose clicks are still understood: a click travels back for a while."""
@@ -53,7 +53,7 @@ class SensorPane:
         page: Page,
         mount: str,
         chart_for: ChartFor,
-        about: Callable[[Sensor], str],
+        about: Callable[[Sensor], tuple[str, ...]],
         empty: tuple[int, int],
     ) -> None:
         self.page, self.mount = page, mount
@@ -117,9 +117,12 @@ class SensorPane:
             return
         sensor = p.trace.world.mounts[self.mount].sensor
         rate = f"{p.experiment.source.frame_rate:.3g} Hz"
-        facts = f"{self.about(sensor)} · {rate} · {regions(self.scene, p)}"
+        first, *more = self.about(sensor)
+        facts = " · ".join((first, rate, regions(self.scene, p)))
         if self.scene.frame != p.trace.frame.index:
             facts += f" · from frame {self.scene.frame}"
+        # Last, since the end is cut off where it is too long; the hint has all of it.
+        facts = " · ".join((facts, *more))
         hint = "click: select" if p.mode == "playing" else "click: select or start one"
         if not p.trace.complete and not p.trace.predictions(self.mount):
             hint = "not predicted yet: press <kbd>P</kbd>"
@@ -165,14 +168,23 @@ def regions(scene: Scene, p: Published) -> str:
     return f"gates {100.0 * policies.gate.confidence:.4g} %"
 
 
-def limits_words(sensor: Sensor, first: int = 0) -> str:
-    """Ranges of what a sensor measures, e.g. r to 8 m, b ±180°, from its component `first` on."""
-    parts = list(zip(sensor.labels, sensor.limits, sensor.units, strict=True))[first:]
-    return ", ".join(f"{escape(name)} {_range(lo, hi, unit)}" for name, (lo, hi), unit in parts)
+def limits_words(sensor: Sensor, first: int = 0, drawn: int = 2) -> tuple[str, ...]:
+    """Ranges of what a sensor measures, e.g. r to 8 m, b ±180°, from its component `first` on: of
+    those that are drawn, and of all others."""
+    parts = list(zip(sensor.labels, sensor.limits, sensor.units, strict=True))
+    words = [f"{escape(name)} {_range(lo, hi, unit)}" for name, (lo, hi), unit in parts]
+    groups = (words[first:drawn], words[max(first, drawn) :])
+    return tuple(", ".join(group) for group in groups if group)
 
 
 def _range(lo: float, hi: float, unit: str) -> str:
     if lo == -hi:
-        return f"±{quantity(hi, unit)}"
-    to = f"to {quantity(hi, unit)}"
-    return to if lo == 0 else f"{quantity(lo, unit)} {to}"
+        return f"±{_end(hi, unit)}"
+    to = f"to {_end(hi, unit)}"
+    return to if lo == 0 else f"{_end(lo, '' if unit == 'm' else unit)} {to}"
+
+
+def _end(value: float, unit: str) -> str:
+    """An end of a range, which mostly is a round number."""
+    v, u = shown(value, unit)
+    return f"{float(f'{v:.3g}'):g}{'' if u.startswith('°') else ' '}{u}".strip().replace("-", "−")

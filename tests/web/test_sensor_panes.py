@@ -175,10 +175,12 @@ def test_the_head_has_its_left_on_the_left_and_up_above():
 
 
 def test_the_words_about_a_sensor_name_all_it_measures():
-    assert image_words(DepthCamera(**IMAGE)) == "640 × 480 px, depth 0.300 m to 8.00 m"
-    assert image_words(StereoPair(**IMAGE)) == "two pictures of 640 × 480 px"
-    assert limits_words(PlanarBearing()) == "b ±180°"
-    assert limits_words(StereoHead()) == "pan ±90.0°, elevation ±40.0°, vergence 0.516° to 45.0°"
+    assert image_words(DepthCamera(**IMAGE)) == ("640 × 480 px", "depth 0.3 to 8 m")
+    assert image_words(StereoPair(**IMAGE)) == ("two pictures of 640 × 480 px",)
+    assert limits_words(PlanarBearing()) == ("b ±180°",)
+    drawn, other = limits_words(StereoHead())
+    assert drawn == "pan ±90°, elevation ±40°"
+    assert other == "vergence 0.516° to 45°"
 
 
 @pytest.mark.parametrize(
