@@ -260,3 +260,4 @@ class Run:
         computed is right only to the end of `computed`."""
         self.log.forget_after(frame)
         self.past.forget_after(computed)
+        self.past.metrics.show(self._at.frame)

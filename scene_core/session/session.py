@@ -137,8 +137,8 @@ class Session:
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """Newest first, at most 200."""
-        return self._live.past.events(self.frame)
+        """Of the complete frames up to here; newest first, at most 200."""
+        return self._live.past.events(self.frame - self.half_stepped)
 
     @property
     def log(self) -> tuple[tuple[int, Command], ...]:

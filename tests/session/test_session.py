@@ -76,6 +76,21 @@ def test_back_and_redo_change_nothing(straight: bytes) -> None:
     assert fingerprint(session) == straight
 
 
+def test_a_frame_that_is_stepped_through_again_is_in_no_book_before_it_is_complete() -> None:
+    session = run("cloister", frames=3)
+    session.apply(DeleteFeature(min(session.world.features)))
+    told = session.events
+    session.back()
+    before = session.events
+    assert len(before) < len(told)
+    session.step_phase()
+    assert session.events == before and len(session.metrics) == 2
+    session.apply(SetParam("estimator.policies.selection.budget", 7))
+    assert session.events == before and len(session.metrics) == 2
+    session.advance()
+    assert session.events == told
+
+
 @pytest.mark.parametrize("history_bytes", [1, 100_000, 2**28])
 def test_seek_recomputes_what_was_forgotten(straight: bytes, history_bytes: int) -> None:
     session = run(history_bytes=history_bytes)
