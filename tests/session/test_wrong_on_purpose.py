@@ -31,8 +31,8 @@ class Mistaken(Simulation):
         matches = list(super().search(frame, query, vision))
         if frame.index < self.since:
             return matches
-        seen = sorted((m for m in matches if m.z is not None), key=lambda m: float(m.z[0]))
-        places = {m.label: after.z for m, after in pairwise(seen)}
+        z = {m.label: m.z for m in matches if m.z is not None}
+        places = {a: z[b] for a, b in pairwise(sorted(z, key=lambda label: float(z[label][0])))}
         return [replace(m, z=places.get(m.label), why="no neighbour") for m in matches]
 
 
