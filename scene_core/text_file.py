@@ -27,7 +27,7 @@ def text_of(path: Path, expected: str) -> str:
         size, most = about.st_size / 1e6, LARGEST / 1e6
         raise ValueError(f"{path} has {size:.0f} MB: give {expected} of at most {most:.0f} MB")
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")  # some editors write a mark at the start
     except OSError as e:
         raise ValueError(f"{path} can not be opened: {e.strerror or e}") from e
     except UnicodeDecodeError as e:

@@ -6,6 +6,7 @@ swapped in.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import MISSING, fields, is_dataclass, replace
 from typing import Any
 
@@ -20,7 +21,8 @@ from scene_core.models.laws_internal import internal_laws
 from scene_core.models.laws_lines import line_laws
 from scene_core.models.laws_motion import motion_laws
 from scene_core.models.laws_sensor import sensor_laws
-from scene_core.models.registry import kind_of
+from scene_core.models.missing import closest
+from scene_core.models.registry import KINDS, kind_of
 
 __all__ = ["Line", "Report", "check", "no_default"]
 
@@ -70,7 +72,20 @@ def _remarks(model: Any, numeric: set[str]) -> tuple[str, ...]:
     if is_guarded(type(model)) and isinstance(model, (Sensor, FeatureModel)):
         alone = ", ".join(sorted(unbatched(type(model))))
         out.append(f"unbatched: {alone}, called once for every feature" if alone else "batched")
+    out += [f"nobody reads '{name}': is {known} meant?" for name, known in _misspelt(model)]
     return tuple(out)
+
+
+def _misspelt(model: Any) -> Iterator[tuple[str, str]]:
+    """What a user's class says or does under a name that its kind does not have, but nearly."""
+    base = KINDS[kind_of(model)]
+    parameters = {f.name for f in fields(model) if "param" in f.metadata}
+    own = [c for c in type(model).__mro__ if not c.__module__.startswith("scene_core.")]
+    names = dict.fromkeys(name for cls in own for name in vars(cls) if name[0] != "_")
+    for name in names:
+        known = closest(name, dir(base))
+        if known and name not in parameters and not hasattr(base, name):
+            yield name, known
 
 
 def _laws(model: Any, rng: np.random.Generator) -> list[Law]:

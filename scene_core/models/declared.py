@@ -26,7 +26,7 @@ def declares_models(path: Path) -> bool:
         return True  # whoever loads it says why it can not be read
     try:
         tree = ast.parse(text)
-    except (SyntaxError, ValueError, RecursionError):
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
         return PACKAGE in text
     names = dict(_imported(tree))
     if not any(_inside(name) or _inside(PACKAGE, name) for name in names.values()):

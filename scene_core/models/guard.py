@@ -11,9 +11,10 @@ import copy
 import inspect
 from abc import ABCMeta
 from collections.abc import Callable, Mapping
+from dataclasses import FrozenInstanceError
 from functools import wraps
 from pathlib import Path
-from threading import get_ident
+from threading import current_thread, get_ident, main_thread
 from time import monotonic
 from typing import Any, cast
 
@@ -75,7 +76,8 @@ def guarded(cls: type[Any], unbatched: frozenset[str] = frozenset()) -> type[Any
         where = f"{_place(method)}'{cls.name}'.{name}"
 
         def one(self: Any, *args: Any) -> Any:
-            return _result(self, where, name, contract, args, lambda *a: method(self, *a))
+            given = tuple(_read_only(a) for a in args)
+            return _result(self, where, name, contract, given, lambda *a: method(self, *a))
 
         run = looped(one, contract) if name in unbatched else one
 
@@ -130,7 +132,16 @@ def _wrapped(
     methods = {name: wrap(name, c, getattr(cls, name)) for name, c in contracts_of(cls).items()}
     # The same module and name: the help texts of the parameters are found in the user's file.
     place = {"__module__": cls.__module__, "__qualname__": cls.__qualname__, "__doc__": cls.__doc__}
-    return ABCMeta(cls.__name__, (cls,), {**place, **extra, **methods})
+    kept = {"__setattr__": _unchangeable, **extra, **methods}
+    return ABCMeta(cls.__name__, (cls,), {**place, **kept})
+
+
+def _unchangeable(model: Any, name: str, value: Any) -> None:
+    """A frozen dataclass guards but its own fields in a class derived from it."""
+    raise FrozenInstanceError(
+        f"cannot set self.{name}: a model is a value that remembers nothing, a frame may be done "
+        "again; what changes belongs into the state"
+    )
 
 
 def _watched(model: Any, method: str, work: Callable[[], Any]) -> Any:
@@ -142,6 +153,10 @@ def _watched(model: Any, method: str, work: Callable[[], Any]) -> Any:
         return work()
     except SystemExit as e:
         raise ModelError(f"'{model.name}'.{method} called sys.exit({e.code})") from e
+    except KeyboardInterrupt as e:
+        if current_thread() is main_thread():
+            raise  # somebody pressed Ctrl+C
+        raise ModelError(f"'{model.name}'.{method} raised KeyboardInterrupt") from e
     finally:
         del _calls[thread]
         if not call.claim():
@@ -227,6 +242,15 @@ def _finite(where: str, part: str, array: np.ndarray) -> np.ndarray:
     if not np.isfinite(array).all():
         raise ModelError(f"{where}: {part} is not finite")
     return array
+
+
+def _read_only(a: Any) -> Any:
+    """An argument that a function can not change by oversight, like `xv[2] += w`."""
+    if not isinstance(a, np.ndarray):
+        return a
+    a = a.view()
+    a.flags.writeable = False
+    return a
 
 
 def _broadcasts(shape: tuple[int, ...], to: tuple[int, ...]) -> bool:

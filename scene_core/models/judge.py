@@ -78,7 +78,7 @@ def run(model: str, kind: str, laws: Sequence[Law]) -> Report:
     return Report(model, kind, tuple(lines))
 
 
-def raised(error: Exception) -> str:
+def raised(error: BaseException) -> str:
     """What a model raised, and where if it was in a file of the user's own: the innermost place
     outside of this package and of what is installed."""
     frames = traceback.extract_tb(error.__traceback__)

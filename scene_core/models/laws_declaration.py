@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import re
-from dataclasses import fields
-from typing import Any
+from dataclasses import fields, replace
+from typing import Any, get_args
 
 from scene_core import params
 from scene_core.geometry.spaces import Space
-from scene_core.models.base import InternalMeasurementModel
+from scene_core.models.base import FeatureModel, InternalMeasurementModel, Shape
 from scene_core.models.judge import Law, first, tried
 
 _LABELLED = ("state_", "control_", "calib_", "free_", "")
 """What comes before `labels` and `units` in the names of the attributes."""
+_DIRECTIONS = ("gravity", "north", "plane")
 _ONE = r"(1|mm|m|s|rad|px|kg|N|Hz|V|A|K|%)[²³⁴]?"
 _UNIT = re.compile(rf"(√?{_ONE}(\s√?{_ONE})*(/√?{_ONE})*)?")
 """Products and quotients of known units, with superscripts: m/s², 1/px², rad/s/√Hz."""
@@ -30,7 +31,7 @@ def _space(model: Any) -> str:
 
 
 def _labels(model: Any) -> str:
-    named = [*(f"{of}labels" for of in _LABELLED), "needs"]
+    named = [*(f"{of}labels" for of in _LABELLED), "needs", "hooks", "world_fixed", "unmeasured"]
     return first([_not_labels(name, getattr(model, name, ())) for name in named])
 
 
@@ -66,6 +67,32 @@ def _units(model: Any) -> str:
     return ""
 
 
+def _shape(model: Any) -> str:
+    shapes = get_args(Shape)
+    if not isinstance(model, FeatureModel) or model.shape in shapes:
+        return ""
+    return f"shape is {model.shape!r}; write one of {', '.join(map(repr, shapes))}"
+
+
+def _successor(model: Any) -> str:
+    after = model.successor() if isinstance(model, FeatureModel) else None
+    if after is None or isinstance(after, FeatureModel):
+        return ""
+    if isinstance(after, type):
+        return f"successor() is a class; return one of it, {after.__name__}()"
+    return f"successor() is {after!r}; return a landmark, e.g. Point3D()"
+
+
+def _fixed(model: Any) -> str:
+    unknown = [name for name in getattr(model, "world_fixed", ()) if name not in _DIRECTIONS]
+    return f"world_fixed has {unknown[0]!r}; write {', '.join(_DIRECTIONS)}" if unknown else ""
+
+
+def _equal(model: Any) -> str:
+    same = model == replace(model)
+    return "" if same is True else f"== is {same!r} for two with the same parameters"
+
+
 def _defaults(model: Any) -> str:
     """Which parameter's value could not be given to it, or nothing."""
     for spec in params.schema(model):
@@ -81,5 +108,9 @@ _LAWS = (
     ("labels are different texts", _labels),
     ("every label has a unit", _pairs),
     ("units are known", _units),
+    ("directions of the world are known", _fixed),
+    ("the shape of a landmark is known", _shape),
+    ("the successor of a landmark is a landmark", _successor),
     ("parameters start in their ranges", _defaults),
+    ("equal parameters make equal models", _equal),
 )

@@ -15,6 +15,7 @@ from typing import Any
 from scene_core import params
 from scene_core.models import registry
 from scene_core.models.declared import declares_models
+from scene_core.models.missing import broken_import
 from scene_core.models.plugins import (
     UserFile,
     UserModel,
@@ -33,10 +34,13 @@ class Library:
 
     def __init__(self, folder: str | Path | None) -> None:
         """Load everything. Raises ParamError when there is no such folder."""
-        self.folder = None if folder is None else Path(folder)
+        # Absolute: a file that is run may go to another folder.
+        self.folder = None if folder is None else Path(folder).absolute()
         if self.folder is not None and not self.folder.is_dir():
+            is_file = self.folder.is_file()
+            what = "that is a file, not a folder" if is_file else "there is no such folder"
             raise params.ParamError(
-                f"--models {folder}: there is no such folder; give one with .py files of your own"
+                f"--models {folder}: {what}; give one with .py files of your own"
             )
         self._installed = installed()
         self._files: dict[Path, UserFile] = {}
@@ -98,8 +102,12 @@ class Library:
             self._loaded[path] = stamp
             if declares_models(path):
                 self._files[path] = in_time(path.name, lambda p=path: load_file(p))
-            elif path in self._files:
+            elif wrong := broken_import(path):
+                self._files[path] = UserFile(path.name, problem=wrong)
+            elif any(file == path.name for file, _, _ in self._good):
                 self._files[path] = without_model(path.name)
+            else:
+                self._files.pop(path, None)
         self.others = tuple(p.name for p in sorted(self._loaded) if p not in self._files)
         self._offer()
 

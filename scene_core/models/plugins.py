@@ -8,13 +8,14 @@ the other files and its own earlier version stay.
 from __future__ import annotations
 
 import ast
+import importlib
 import inspect
 import itertools
 import linecache
 import sys
 import traceback
 from collections.abc import Mapping
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass, is_dataclass, replace
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from threading import Thread
@@ -26,7 +27,9 @@ import numpy as np
 from scene_core import params
 from scene_core.models import guard
 from scene_core.models.check import check, no_default
+from scene_core.models.contracts import contracts_of
 from scene_core.models.judge import Report, raised
+from scene_core.models.missing import closest, described
 from scene_core.models.registry import KINDS, built_in
 from scene_core.models.rows import not_batched
 from scene_core.text_file import text_of
@@ -46,6 +49,8 @@ NEEDED: Mapping[str, tuple[str, ...]] = {
 """What a class of a kind must say of itself."""
 
 LONGEST_NAME = 60
+_LOADERS = (str(Path(importlib.__file__).parent), __file__, "<")
+"""Where the files begin that load a package and are none of it."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +93,10 @@ def load_file(path: str | Path) -> UserFile:
         lines = _class_lines(ast.parse(text, str(path)))
         code = compile(text, str(path), "exec", dont_inherit=True)
     except SyntaxError as e:
-        return UserFile(path.name, problem=f"{path.name}, line {e.lineno}: {e.msg}")
+        where = f"{path.name}, line {e.lineno}" if e.lineno else path.name
+        return UserFile(path.name, problem=f"{where}: {e.msg}")
+    except (RecursionError, MemoryError):
+        return UserFile(path.name, problem=f"{path.name} is nested too deeply: write it plainly")
     except ValueError as e:
         return UserFile(path.name, problem=str(e))
     # Never a cached bytecode: two saves within a second must be two versions.
@@ -100,7 +108,7 @@ def load_file(path: str | Path) -> UserFile:
         exec(code, module.__dict__)
     except (Exception, SystemExit, KeyboardInterrupt) as e:
         del sys.modules[module.__name__]
-        return UserFile(path.name, problem=f"{_place(path, e)}: {type(e).__name__}: {e}")
+        return UserFile(path.name, problem=f"{_place(path, e)}: {described(e, path, module)}")
     return _file_of(path.name, _classes(module), lines)
 
 
@@ -110,7 +118,9 @@ def load_entry_point(entry: EntryPoint) -> UserFile:
     try:
         found = entry.load()
     except (Exception, SystemExit, KeyboardInterrupt) as e:
-        return UserFile(name, problem=f"{name} can not be loaded: {type(e).__name__}: {e}")
+        return UserFile(
+            name, problem=f"{name} can not be loaded: {_line(e)}{type(e).__name__}: {e}"
+        )
     classes = _classes(found) if isinstance(found, ModuleType) else [found]
     return _file_of(name, [c for c in classes if isinstance(c, type)], {})
 
@@ -142,7 +152,7 @@ def _loaded(name: str, load: Any) -> UserFile:
         return load()
     except guard.Abandoned:
         return UserFile(name)  # nobody waits for it any more
-    except Exception as e:  # a class may raise whenever it is looked at
+    except BaseException as e:  # a class may raise whatever it likes whenever it is looked at
         return UserFile(name, problem=f"{name} was left out: {raised(e)}")
 
 
@@ -156,10 +166,17 @@ def _place(path: Path, error: BaseException) -> str:
     return f"{path.name}, line {rows[-1]}" if rows else path.name
 
 
+def _line(error: BaseException) -> str:
+    """File and line of a package in which an error arose, if it was run at all."""
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [f for f in frames if not f.filename.startswith(_LOADERS)]
+    return f"{Path(own[-1].filename).name}, line {own[-1].lineno}: " if own else ""
+
+
 def _classes(module: ModuleType) -> list[type[Any]]:
     """Model classes a module defines itself, in the order of their definition."""
     bases = tuple(KINDS.values())
-    return [
+    found = [
         cls
         for name, cls in vars(module).items()
         if isinstance(cls, type)
@@ -167,10 +184,18 @@ def _classes(module: ModuleType) -> list[type[Any]]:
         and cls.__module__ == module.__name__
         and not name.startswith("_")
     ]
+    return list(dict.fromkeys(found))  # one may have two names
 
 
 def _file_of(name: str, classes: list[type[Any]], lines: Mapping[str, int]) -> UserFile:
-    models = [_model(name, lines.get(c.__name__, 0), c) for c in classes]
+    models: list[UserModel] = []
+    for cls in classes:
+        model = _model(name, lines.get(cls.__name__, 0), cls)
+        if model.conforms and any((m.kind, m.name) == (model.kind, model.name) for m in models):
+            where = f"{name}, line {model.line}" if model.line else name
+            problem = f"{where}: '{model.name}' is the name of a model before it: give it another"
+            model = replace(model, problem=problem)
+        models.append(model)
     return UserFile(name, tuple(models)) if models else without_model(name)
 
 
@@ -178,7 +203,9 @@ def without_model(name: str) -> UserFile:
     """A file in which there is nothing to use."""
     bases = ", ".join(base.__name__ for base in KINDS.values())
     return UserFile(
-        name, problem=f"{name} defines no model: derive a frozen dataclass from one of {bases}"
+        name,
+        problem=f"{name} defines no model: derive a frozen dataclass from one of {bases}, not "
+        "within a function, with a name that does not begin with _",
     )
 
 
@@ -212,6 +239,24 @@ def _model(file: str, line: int, cls: type[Any]) -> UserModel:
     return UserModel(file, line, kind, name, guarded, report, problem)
 
 
+def _signature(cls: type[Any], base: type[Any], function: str) -> str:
+    """How a function can not be called as it will be, as a sentence; or nothing."""
+    method, wanted = getattr(cls, function), inspect.signature(getattr(base, function))
+    names = ", ".join(
+        p.name if p.default is p.empty else f"{p.name}={p.default!r}"
+        for p in wanted.parameters.values()
+    )
+    write = f"write def {function}({names})"
+    if not callable(method):
+        return f"{cls.__name__}.{function} is {method!r}, no function: {write}"
+    own = inspect.signature(method)
+    try:
+        own.bind(*wanted.parameters)
+    except TypeError:
+        return f"{cls.__name__}.{function} takes ({', '.join(own.parameters)}): {write}"
+    return ""
+
+
 def _has_rows(kind: str) -> bool:
     return kind in ("sensors", "features")
 
@@ -229,7 +274,13 @@ def _undeclared(cls: type[Any], kind: str) -> str:
         return f"{title} is not frozen: write @dataclass(frozen=True) above it"
     missing = [a for a in NEEDED[kind] if not hasattr(cls, a)]
     if missing:
-        return f"{title} does not say its {', '.join(missing)}"
+        found = closest(missing[0], vars(cls))
+        instead = f": write {missing[0]} for {found}" if found else ""
+        return f"{title} does not say its {', '.join(missing)}{instead}"
+    for function in contracts_of(cls):
+        wrong = _signature(cls, KINDS[kind], function)
+        if wrong:
+            return wrong
     name = cls.name
     if not isinstance(name, str) or not name.strip() or not name.isprintable():
         return f"{title}.name = {name!r}: give a text"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Sequence
+from contextlib import redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -49,7 +50,9 @@ class Models:
 def library_of(folder: str) -> Library | None:
     """The user's models: those of a folder and those of installed packages. What is wrong with them
     is written to standard error, a sentence each; None when there are none at all."""
-    library = Library(folder or None)
+    # What a file prints is not part of a list for programs.
+    with redirect_stdout(sys.stderr):
+        library = Library(folder or None)
     for problem in problems(library.files):
         print(f"scene: {problem}", file=sys.stderr)
     if library.others:
@@ -77,7 +80,9 @@ def check_models(options: Check) -> bool:
         raise ParamError("check what? give a file with a model of your own, or --all")
     fine = True
     for name in options.files:
-        if not Path(name).is_file():
+        if Path(name).is_dir():
+            raise ParamError(f"{name}: that is a folder; give a file in it")
+        if not Path(name).exists():
             raise ParamError(f"{name}: there is no such file")
         file = in_time(name, lambda n=name: load_file(n))
         if file.problem:

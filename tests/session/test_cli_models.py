@@ -64,6 +64,8 @@ def test_check_names_the_worst_entry_and_fails(
     [
         ("check", "check what? give a file with a model of your own, or --all"),
         ("check /nowhere.py", "/nowhere.py: there is no such file"),
+        (f"check {EXAMPLES}", "examples: that is a folder; give a file in it"),
+        (f"models --models {EXAMPLES}/my_motion.py", "my_motion.py: that is a file, not a folder;"),
         ("models --models /nowhere", "--models /nowhere: there is no such folder"),
         ("run --preset line --models /nowhere", "--models /nowhere: there is no such folder"),
     ],
@@ -130,6 +132,15 @@ def test_scripts_among_the_models_are_one_line_and_are_not_run(
     assert code == 0 and err.endswith("1 file declares no model and was not run (script.py)\n")
     code, out, _ = run(capsys, "check", str(script))
     assert code == 1 and out.startswith("script.py, line 1: SystemExit: never")
+
+
+def test_what_a_file_prints_is_not_in_the_list(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    loud = (EXAMPLES / "my_landmark.py").read_text("utf-8") + "\nprint('here I am')\n"
+    (tmp_path / "loud.py").write_text(loud, encoding="utf-8")
+    code, out, err = run(capsys, "models", "--json", "--models", str(tmp_path))
+    assert code == 0 and "polar point" in json.loads(out)["landmarks"] and err == "here I am\n"
 
 
 def test_a_run_with_a_model_of_ones_own(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
