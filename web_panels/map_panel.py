@@ -13,6 +13,7 @@ from scene_core.session.published import Published
 from scene_core.session.start import initial_world
 from scene_core.session.tracks import body_name
 from web_panels import map_geometry as geo
+from web_panels import viser_hooks
 from web_panels.cameras import CLOSE, FAR, Cameras
 from web_panels.clouds import Cloud, Clouds
 from web_panels.instances import Instances
@@ -64,6 +65,7 @@ class MapPanel:
         self.flags = Flags(scene, size)
         self.floor = Floor(scene, p, world.up, bounds, self.post)
         self.selected = Selected(scene)
+        viser_hooks.send_places(scene, "/map")
         self.cameras.margin = CLOSE if self.simulated else FAR
         self.axes = geo.axes_key(p)
         self.cameras.place(geo.view_name(p), bounds, world.up)

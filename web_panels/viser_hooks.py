@@ -133,6 +133,16 @@ def repeat(handle: Any) -> None:
     state.gui_api._websock_interface.queue_message(update)
 
 
+def send_places(scene: Any, root: str) -> None:
+    """Send where every node below `root` is, also of those that are where new nodes are: a browser
+    leaves what is made anew under an old name in its old place until it is told otherwise."""
+    for name, handle in list(scene._handle_from_node_name.items()):
+        if name.startswith(f"{root}/"):
+            wxyz, position = (tuple(v.tolist()) for v in (handle.wxyz, handle.position))
+            scene._queue_scene_message(messages.SetOrientationMessage(name, wxyz))
+            scene._queue_scene_message(messages.SetPositionMessage(name, position))
+
+
 def show_jpeg(handle: viser.GuiImageHandle | viser.CameraFrustumHandle, data: bytes) -> None:
     """Show an encoded JPEG: one encoding serves the image pane and the frustum in the map."""
     if isinstance(handle, viser.GuiImageHandle):
@@ -205,5 +215,7 @@ def self_test(server: viser.ViserServer) -> None:
         for name in names:
             if not isinstance(getattr(owner, name, None), dict):
                 raise HooksError(f"viser's {type(owner).__name__} has no {name}")
+    if not callable(getattr(server.scene, "_queue_scene_message", None)):
+        raise HooksError("viser's SceneApi has no _queue_scene_message")
     if server.request_share_url() is not None:
         raise HooksError("viser's share tunnel is not refused")

@@ -12,7 +12,14 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from scene_core.geometry import quaternion
-from scene_core.session.commands import LoadPreset, Select, SetSpeed, Transport
+from scene_core.session.commands import (
+    LoadPreset,
+    Select,
+    SetSpeed,
+    Transport,
+    Undo,
+    ZeroAxes,
+)
 from scene_core.session.presets import build
 from scene_core.session.published import Published
 from scene_core.session.runner import Runner
@@ -286,6 +293,21 @@ def test_a_feature_that_was_deleted_comes_back_with_ctrl_z(site: Site, shown: Pa
     expect(shown.get_by_text(f"undone: the deletion of feature {label}").first).to_be_visible()
     shown.keyboard.press("Control+Shift+z")
     assert wait(lambda: not mapped(label))
+
+
+def test_the_room_is_in_its_place_again_when_a_move_of_the_axes_is_undone(
+    site: Site, shown: Page
+) -> None:
+    """A browser leaves what is made anew where it was before."""
+    place = "(() => { const n = __viserMutable.nodeRefFromName['/map/room'];"
+    place += " return n ? [...n.position.toArray(), ...n.quaternion.toArray()] : null; })()"
+    shown.wait_for_function(f"{place} !== null", timeout=15_000)
+    at_first = shown.evaluate(place)
+    off = f"Math.max(...{place}.map((x, i) => Math.abs(x - {at_first}[i])))"
+    site.runner.post(ZeroAxes(next(iter(site.latest.experiment.estimator.robots))))
+    shown.wait_for_function(f"{off} > 0.1", timeout=15_000)
+    site.runner.post(Undo())
+    shown.wait_for_function(f"{off} < 1e-6", timeout=15_000)
 
 
 def _beside(page: Page, thumbs: object, row: object) -> int:
