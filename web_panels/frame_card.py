@@ -14,11 +14,9 @@ from scene_core.session.tracks import pose_estimate
 from web_panels import style
 from web_panels.map_geometry import last_known
 from web_panels.panel import Page, Post
-from web_panels.style import HEX, PHASES, escape, number, shown
+from web_panels.style import CERTAIN, HEX, PHASES, escape, number, shown
 from web_panels.verdicts import states
 
-CERTAIN = 1e-9
-"""A standard deviation below this is what rounding left of none."""
 POINTS = 150
 """Samples of the consistency curve."""
 

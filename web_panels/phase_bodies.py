@@ -11,7 +11,7 @@ from scene_core.filter.records import Association, PhaseRecord, Trace
 from scene_core.filter.select import ranked
 from scene_core.filter.world import Robot, World
 from web_panels import mathml as mm
-from web_panels.style import HEX, STATE_OF_VERDICT, escape, gate_words, number, shown
+from web_panels.style import CERTAIN, HEX, STATE_OF_VERDICT, escape, gate_words, number, shown
 
 LISTED = 12
 """Features listed by one phase; the others are counted."""
@@ -54,7 +54,7 @@ def _robot_table(robot: Robot, before: World, after: World) -> str:
         rows += (
             f"<tr><td>{escape(name)} <span class='d'>{escape(u)}</span></td>"
             f"<td>{_fixed(a[i] * factor)} {TO} {_fixed(b[i] * factor)}</td>"
-            f"<td>{number(sa[i] * factor, 2)} {TO} {number(sb[i] * factor, 2)}</td></tr>"
+            f"<td>{_sigma(sa[i] * factor)} {TO} {_sigma(sb[i] * factor)}</td></tr>"
         )
     head = f"<tr><th>{escape(robot.id)}</th><th>mean</th><th>sigma</th></tr>"
     return _table(rows, head)
@@ -62,6 +62,11 @@ def _robot_table(robot: Robot, before: World, after: World) -> str:
 
 def _fixed(v: float) -> str:
     return mm.signed(f"{v:.3f}")
+
+
+def _sigma(sd: float) -> str:
+    """A standard deviation; what is left of none by rounding is none."""
+    return number(sd if sd > CERTAIN else 0.0, 2)
 
 
 def _predict(record: PhaseRecord, before: World, trace: Trace) -> str:

@@ -68,6 +68,9 @@ PHASES: Mapping[str, tuple[str, str]] = {
 }
 """Title and colour of every phase."""
 
+CERTAIN = 1e-9
+"""A standard deviation below this is what rounding left of none."""
+
 STYLE_SHEET = """<style>
 :root[data-mantine-color-scheme=dark]{--mantine-color-dark-9:#0a0d12;--mantine-color-dark-8:#0d1117;
 --mantine-color-dark-7:#12171f;--mantine-color-dark-6:#1a212b;--mantine-color-dark-5:#222b37;

@@ -11,6 +11,7 @@ from tests.web.fakes import FakeSession
 from tests.web.raw_client import raw_client
 from tests.web.test_gate import free_port, wait
 from web_panels import gate
+from web_panels.phase_bodies import _sigma
 from web_panels.phase_card import LAST, card_html, phase_names
 from web_panels.view_loop import ViewLoop
 
@@ -54,3 +55,8 @@ def test_a_chosen_phase_is_shown_until_the_frame_goes_and_nothing_is_asked_of_th
         assert wait(lambda: view.page.problems == {})
     view.stop()
     server.stop()
+
+
+def test_what_rounding_leaves_of_no_uncertainty_is_none() -> None:
+    assert _sigma(5.1e-19) == "0"
+    assert _sigma(0.0084) == "0.0084"
