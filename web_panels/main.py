@@ -33,6 +33,8 @@ COMMANDS = {
     "models": "list the models, and which sensor goes with which landmark",
     "check": "say whether models of your own keep the promises of their kind",
 }
+BUILT_S = 10.0
+"""The address is told once the page stands, or after this time."""
 TOKEN_LENGTH = 8
 """A shorter token could be guessed."""
 
@@ -128,6 +130,8 @@ def serve(options: Serve) -> None:
         view = ViewLoop(server, runner)
         view.start()
         watcher = None if library is None else watching(library, runner)
+        # A browser that comes before the map would look at nothing, from a place of viser's own.
+        view.built.wait(BUILT_S)
         url = address(host, port, token)
         print(f"Scene is at {url}  (Ctrl+C stops it)", flush=True)
         if options.open:
