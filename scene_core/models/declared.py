@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import ast
 import builtins
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
 from scene_core.text_file import text_of
@@ -38,6 +38,29 @@ def declares_models(path: Path) -> bool:
             names[node.name] = f"{PACKAGE}.{node.name}" if is_model else node.name
             found |= is_model
     return found
+
+
+def without_base(path: Path, bases: Collection[str]) -> str:
+    """The class of a file that was to be a model and derives from nothing, as a sentence; empty
+    when there is none. It is a dataclass beside an import of one of these bases that no class uses.
+    """
+    try:
+        tree = ast.parse(text_of(path, "a Python file"))
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return ""
+    names = dict(_imported(tree))
+    wanted = [n for n, whole in names.items() if _inside(whole) and whole.split(".")[-1] in bases]
+    for node in tree.body if wanted else ():
+        if isinstance(node, ast.ClassDef) and not node.bases and _is_dataclass(node):
+            return (
+                f"{path.name}, line {node.lineno}: {node.name} is no model: write class "
+                f"{node.name}({wanted[0]})"
+            )
+    return ""
+
+
+def _is_dataclass(node: ast.ClassDef) -> bool:
+    return any("dataclass" in ast.unparse(mark) for mark in node.decorator_list)
 
 
 def _imported(tree: ast.Module) -> Iterator[tuple[str, str]]:

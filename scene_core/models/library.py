@@ -14,7 +14,7 @@ from typing import Any
 
 from scene_core import params
 from scene_core.models import registry
-from scene_core.models.declared import declares_models
+from scene_core.models.declared import declares_models, without_base
 from scene_core.models.missing import broken_import
 from scene_core.models.plugins import (
     UserFile,
@@ -27,6 +27,7 @@ from scene_core.models.plugins import (
 from scene_core.models.registry import KINDS
 
 POLL_S = 0.25
+_BASES = frozenset(base.__name__ for base in KINDS.values())
 
 
 class Library:
@@ -102,7 +103,7 @@ class Library:
             self._loaded[path] = stamp
             if declares_models(path):
                 self._files[path] = in_time(path.name, lambda p=path: load_file(p))
-            elif wrong := broken_import(path):
+            elif wrong := broken_import(path) or without_base(path, _BASES):
                 self._files[path] = UserFile(path.name, problem=wrong)
             elif any(file == path.name for file, _, _ in self._good):
                 self._files[path] = without_model(path.name)

@@ -88,7 +88,10 @@ def _missing(name: str, folder: Path) -> bool:
 
 
 def _no_module(name: str, folder: Path) -> str:
-    first = name if name.split(".")[0] == PACKAGE else name.split(".")[0]
+    """In the words of the import itself: the first part of the name that is not there."""
+    parts = name.split(".")
+    ahead = (".".join(parts[:k]) for k in range(1, len(parts) + 1))
+    first = next(part for part in ahead if _missing(part, folder))
     return f"ModuleNotFoundError: No module named '{first}'" + _instead_of_module(first, folder)
 
 

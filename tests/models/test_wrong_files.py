@@ -215,13 +215,21 @@ def test_what_nobody_reads_is_noted(tmp_path: Path) -> None:
             "line 1: ModuleNotFoundError: No module named 'scenecore'; did you mean scene_core?",
         ),
         (
+            "from scene_core.model.base import MotionModel\nclass A(MotionModel): ...",
+            "line 1: ModuleNotFoundError: No module named 'scene_core.model'; did you mean models?",
+        ),
+        (
+            changed(MOTION, "(MotionModel)", ""),
+            "line 14: DifferentialDrive is no model: write class DifferentialDrive(MotionModel)",
+        ),
+        (
             "from scene_core.models.base import MotionModle",
             "line 1: ImportError: cannot import name 'MotionModle' from 'scene_core.models.base'; "
             "did you mean MotionModel?",
         ),
     ],
 )
-def test_a_file_that_looks_like_a_script_by_its_imports_is_not_passed_over(
+def test_a_file_that_looks_like_a_script_by_mistake_is_not_passed_over(
     tmp_path: Path, text: str, sentence: str
 ) -> None:
     file = tmp_path / "mine.py"
