@@ -27,8 +27,9 @@ DIRECTIONS: dict[str, tuple[tuple[str, str], tuple[str, str], str]] = {
 """By parameter of the driver: the keys for more and for less, and how fast they go."""
 HELP = (
     "<kbd>W</kbd> <kbd>S</kbd> or arrows: ahead, back · <kbd>A</kbd> <kbd>D</kbd>: turn · "
-    "<kbd>Q</kbd> <kbd>E</kbd>: sideways · <kbd>PgUp</kbd> <kbd>PgDn</kbd>: up, down. Let go and "
-    "it stops. The 3-D camera does not hear these keys now: use the mouse."
+    "<kbd>Q</kbd> <kbd>E</kbd>: sideways · <kbd>PgUp</kbd> <kbd>PgDn</kbd>: up, down. It goes as "
+    "set in Truth until a key is pressed; let go and it stops. The 3-D camera does not hear these "
+    "keys now: use the mouse."
 )
 
 
