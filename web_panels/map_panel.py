@@ -19,6 +19,7 @@ from web_panels.clouds import Cloud, Clouds
 from web_panels.instances import Instances
 from web_panels.map_layers import Lines, Particles, Rays, Selected, Sightings
 from web_panels.map_pace import pace_html
+from web_panels.map_places import Places
 from web_panels.map_robots import Paths, Robots
 from web_panels.map_waypoints import Flags, Floor
 from web_panels.map_world import Ground, TrueLandmarks
@@ -62,6 +63,7 @@ class MapPanel:
         self.lines = Lines(self.server, self._choose, size)
         self.particles = Particles(self.server, self._choose, size)
         self.robots = Robots(scene, world, size)
+        self.places = Places(scene, world, size)
         self.flags = Flags(scene, size)
         self.floor = Floor(scene, p, world.up, bounds, self.post)
         self.selected = Selected(scene)
@@ -125,6 +127,7 @@ class MapPanel:
             self.rays.render(cloud, look.rays)
             self.sightings.render(trace, world, cloud, look.rays)
             self.robots.render(p, world, look.truth)
+            self.places.render(world, look.confidence)
             self.robots.show(images)
             self.ground.room.visible = look.room
             self.floor.render(p, look)

@@ -28,11 +28,11 @@ class Robots:
         self.colours = {body: robot_colour(i) for i, body in enumerate(self.own)}
         self.parts = geo.parts(world)
         self.bodies = {
-            part: self._body(f"/map/robot/{i}", part, 0.022, self._colour(part))
+            part: self._body(f"/map/robot/{i}", part, 0.013, self._colour(part))
             for i, part in enumerate(self.parts)
         }
         self.true_bodies = {
-            part: self._body(f"/map/truth/robot/{i}", part, 0.016, C["truth"])
+            part: self._body(f"/map/truth/robot/{i}", part, 0.010, C["truth"])
             for i, part in enumerate(self.parts)
         }
         self.headings = {
