@@ -32,6 +32,7 @@ from scene_core.models.base import MotionModel, Sensor
 from scene_core.params import param
 from scene_core.sources import markers, noise, pictures, points, segments
 from scene_core.sources.identified import Outlook
+from scene_core.sources.moving import moved
 from scene_core.sources.render import Rendering
 from scene_core.sources.segments import LineOutlook, measures_lines
 from scene_core.sources.surface import Surface
@@ -134,11 +135,7 @@ class Simulation:
     ) -> Sequence[Detection]:
         raw, m = frame.raw[mount], self.mounts[mount]
         if isinstance(raw, Image):
-            where = (
-                pictures.photographable(self.world),
-                *self._camera(mount, self.true_states(frame)),
-            )
-            key = (self.seed, frame.index)
+            key, where = (self.seed, frame.index), self._view(mount, self.true_states(frame))
             return pictures.detected(raw, occupied.h, count, vision, key, where)
         if occupied.shape == "segment":
             return segments.detect_lines(raw, occupied, count, m.shortest)
@@ -148,10 +145,7 @@ class Simulation:
         """The patch at z, or the measured point nearest to z within a twentieth of the range."""
         raw, sensor = frame.raw[mount], self.mounts[mount].sensor
         if isinstance(raw, Image):
-            where = (
-                pictures.photographable(self.world),
-                *self._camera(mount, self.true_states(frame)),
-            )
+            where = self._view(mount, self.true_states(frame))
             return pictures.pointed_at(raw, z, vision, where)
         found = points.nearest_identity(raw, z)
         span = np.array([high - low for low, high in sensor.limits])
@@ -228,23 +222,11 @@ class Simulation:
         """The state after the interval before frame `index`, and the controls as reported."""
         xv, memory, controls = {}, {}, {}
         for i, robot in self.robots.items():
-            motion, at = robot.motion, state.xv[i]
-            k = robot.true_calib(i, self.seed)
-            drive = robot.driver.drive(motion, at, state.memory[i], index, self.dt, self.seed)
-            u = drive.u
-            if drive.push is not None:
-                moved = motion.f(at + drive.push, u, self.dt, k).fv
-            elif robot.noise_on == "controls":
-                moved = motion.f(at, u, self.dt, k).fv
-                rng = noise.rng(self.seed, f"controls:{i}", index)
-                u = u + _factor(motion.U(u, self.dt)) @ rng.standard_normal(len(u))
-            else:
-                rng = noise.rng(self.seed, f"motion:{i}", index)
-                moved = motion.f_noisy(at, u, self.dt, k, rng)
-            xv[i] = frozen(self._settled(robot, moved))
-            memory[i] = drive.memory
-            if motion.control_labels:
-                controls[i] = (Control(self.dt, motion.control_labels, frozen(u)),)
+            after = moved(robot, i, state.xv[i], state.memory[i], index, self.dt, self.seed)
+            xv[i] = frozen(self._settled(robot, after.xv))
+            memory[i] = after.memory
+            if labels := robot.motion.control_labels:
+                controls[i] = (Control(self.dt, labels, frozen(after.u)),)
         return replace(state, xv=xv, memory=memory, before=state.xv), controls
 
     def _check(self) -> None:
@@ -306,9 +288,3 @@ class Simulation:
             )
         needed = state.xv[instrument.robot][[labels.index(s) for s in instrument.model.needs]]
         return frozen(instrument.model.h_noisy(needed, noise.rng(self.seed, f"felt:{name}", index)))
-
-
-def _factor(P: Vec) -> Vec:
-    """L with L L' = P for a positive semidefinite P."""
-    values, vectors = np.linalg.eigh(P)
-    return vectors * np.sqrt(np.maximum(values, 0.0))
