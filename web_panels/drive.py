@@ -77,6 +77,7 @@ class Drive:
         self.robot = ""
         self.speeds = {"speed": 0.5, "rate": 0.6}
         self.sent: dict[str, float] = {}
+        self.presses = 0
 
     def build(self, server: viser.ViserServer, post: Post) -> None:
         gui = server.gui
@@ -96,13 +97,16 @@ class Drive:
         self.speeds[how] = value
 
     def _pressed(self, held: frozenset[str]) -> None:
-        """Post what changed; parameters whose keys are not touched stay where they are."""
+        """Post what changed; parameters whose keys are not touched stay where they are. Until all
+        keys are let go it is one step for undo: halfway back the robot would move by itself."""
         if not self.robot:
             return
+        self.presses += not any(self.sent.values())
         for name, value in asked(held, self.speeds).items():
             if value != self.sent.get(name, 0.0):
                 self.sent[name] = value
-                self.post(SetParam(f"source.robots.{self.robot}.driver.{name}", value))
+                path = f"source.robots.{self.robot}.driver.{name}"
+                self.post(SetParam(path, value, f"drive {self.presses}"))
 
     def render(self, p: Published) -> None:
         robots = p.experiment.estimator.robots

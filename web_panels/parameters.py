@@ -21,7 +21,7 @@ from web_panels.estimate_this import EstimateThis
 from web_panels.limits import Limit, partners
 from web_panels.panel import Page, Post
 from web_panels.style import escape, number, shown
-from web_panels.widgets import Field, Group, on_command, on_press
+from web_panels.widgets import Drag, Field, Group, on_command, on_press
 
 MAX_CHANGES = 12
 LIVE_S = 0.2
@@ -164,7 +164,8 @@ class _Parameters:
 
     def _sender(self, spec: Spec, other: Spec | None) -> Any:
         if other is None:
-            return lambda value: self.post(SetParam(spec.path, value))
+            drag = Drag(spec.path)
+            return lambda value: self.post(SetParam(spec.path, value, drag.name()))
         limit = Limit(spec, other)
 
         def send(value: Any) -> None:

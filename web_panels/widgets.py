@@ -24,6 +24,9 @@ SETTLE_S = 0.2
 TYPING_S = 4.0
 """The same for texts: half a number is no reason to take away what is being typed."""
 
+DRAG_S = 1.0
+"""A longer pause ends the movement of a slider."""
+
 MOST_STEPS = 1000
 """A slider over a wider range than this, or with ends so different, could not be aimed at."""
 
@@ -95,6 +98,21 @@ class Bound:
     def _write(self) -> None:
         if self.handle.value != self._in_force:
             self.handle.value = self._in_force
+
+
+class Drag:
+    """Names one movement of a hand: what comes from an input without a long pause in between. By
+    frames alone it could not be told: at high speed many go by between two places of a slider."""
+
+    def __init__(self, of: str) -> None:
+        self.of, self._last, self._count = of, -math.inf, 0
+
+    def name(self) -> str:
+        """That of the movement which goes on, or of a new one."""
+        now = time.monotonic()
+        self._count += now - self._last > DRAG_S
+        self._last = now
+        return f"{self.of} {self._count}"
 
 
 def on_press(button: viser.GuiButtonHandle, action: Callable[[viser.ClientHandle], None]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from scene_core.models.plugins import UserFile
@@ -36,6 +36,9 @@ class SetParam:
 
     path: str
     value: Any
+    gesture: str = field(default="", compare=False)
+    """Edits with the same name of a gesture, such as a press of keys with what follows until all
+    are let go, are one step for undo, whatever else is done meanwhile."""
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
@@ -15,6 +15,7 @@ from scene_core.session.roles import swapped
 from scene_core.session.simulated_roles import check_drivers
 
 Edit = SetParam | SetParams | SwapModel | Undo | Redo | ResetParams
+Steps = tuple[Experiment | Deed, ...]
 UNDO_STEPS = 100
 
 
@@ -23,21 +24,45 @@ class Settings:
     """An experiment with the edits that led to it: a value, so that stepping back restores it."""
 
     experiment: Experiment
-    past: tuple[Experiment | Deed, ...] = ()
+    past: Steps = ()
     """What undo goes back to, or takes back, oldest first."""
-    future: tuple[Experiment | Deed, ...] = ()
+    future: Steps = ()
     """What redo goes forward to, or does again, next one last."""
     path: str = ""
     """The parameter the last edit was about: more edits of it in one gesture are one step."""
+    gesture: str = ""
+    """The last gesture with a name."""
+    began: Experiment | None = None
+    """What undo goes back to to take all of that gesture back."""
 
     def edited(self, experiment: Experiment, path: str = "", same_step: bool = False) -> Settings:
         """After one more edit; `same_step` merges it with the last one for undo."""
         past = self.past if same_step else _latest((*self.past, self.experiment))
-        return Settings(experiment, past, (), path)
+        return replace(self, experiment=experiment, past=past, future=(), path=path)
+
+    def moved(self, experiment: Experiment, values: Mapping[str, Any], gesture: str) -> Settings:
+        """After one more edit of a gesture with a name. What was done since it began keeps its
+        steps, but none of them goes back to what the gesture has left behind."""
+        known = gesture == self.gesture
+        at = [i for i, step in enumerate(self.past) if known and step is self.began]
+        if not at:
+            if not params.changed(experiment, self.experiment):
+                return replace(self, future=_with(self.future, values))
+            after = self.edited(experiment)
+            return replace(after, gesture=gesture, began=self.experiment)
+        later = _with(self.past[at[0] + 1 :], values)
+        first = next(s for s in (*later, experiment) if not isinstance(s, Deed))
+        if params.changed(first, self.began):
+            past = (*self.past[: at[0] + 1], *later)
+            return replace(self, experiment=experiment, past=past, future=(), path="")
+        # Whoever lets go of all keys is where they began: of that nothing is left to undo.
+        now = self.began if first is experiment and self.began else experiment
+        past = (*self.past[: at[0]], *later)
+        return Settings(now, past)
 
     def after(self, deed: Deed) -> Settings:
         """After something that changes no setting, but can be undone."""
-        return Settings(self.experiment, (*self.past, deed))
+        return replace(self, past=(*self.past, deed), future=(), path="")
 
     @property
     def undoes(self) -> Experiment | Deed | None:
@@ -54,16 +79,24 @@ class Settings:
             raise ParamError("nothing to undo: nothing was changed")
         *past, last = self.past
         if isinstance(last, Deed):
-            return Settings(self.experiment, tuple(past), (*self.future, last))
-        return Settings(last, tuple(past), (*self.future, self.experiment))
+            return self._standing(self.experiment, past, (*self.future, last))
+        return self._standing(last, past, (*self.future, self.experiment))
 
     def redone(self) -> Settings:
         if not self.future:
             raise ParamError("nothing to redo: nothing was undone")
         *future, last = self.future
         if isinstance(last, Deed):
-            return Settings(self.experiment, (*self.past, last), tuple(future))
-        return Settings(last, (*self.past, self.experiment), tuple(future))
+            return self._standing(self.experiment, (*self.past, last), future)
+        return self._standing(last, (*self.past, self.experiment), future)
+
+    def _standing(
+        self,
+        now: Experiment,
+        past: Iterable[Experiment | Deed],
+        future: Iterable[Experiment | Deed],
+    ) -> Settings:
+        return replace(self, experiment=now, past=tuple(past), future=tuple(future), path="")
 
     def without_deeds(
         self, gone: Callable[[Deed], bool], not_again: Callable[[Deed], bool]
@@ -93,12 +126,31 @@ class Settings:
         return self.without_deeds(lambda _: True, lambda _: True)
 
 
-def _latest(past: tuple[Experiment | Deed, ...]) -> tuple[Experiment | Deed, ...]:
+def _latest(past: Steps) -> Steps:
     """Without the oldest edits, when there are too many. What was done at the end of a frame stays:
     it is in the log as long as the frame is."""
     edits = [i for i, step in enumerate(past) if not isinstance(step, Deed)]
     forgotten = edits[: max(0, len(edits) - UNDO_STEPS)]
     return tuple(step for i, step in enumerate(past) if i not in forgotten)
+
+
+def _with(steps: Steps, values: Mapping[str, Any]) -> Steps:
+    """Steps of undo, with these parameters as they are now where there are any."""
+    return tuple(
+        step
+        if isinstance(step, Deed)
+        else params.replace_all(step, {p: v for p, v in values.items() if _has(step, p)})
+        for step in steps
+    )
+
+
+def _has(experiment: Experiment, path: str) -> bool:
+    """Whether there is such a parameter; with another model there may be none."""
+    try:
+        params.get(experiment, path)
+    except ParamError:
+        return False
+    return True
 
 
 def set_param(experiment: Experiment, path: str, value: object) -> Experiment:
@@ -132,15 +184,23 @@ def values_of(command: Edit) -> Mapping[str, Any]:
             return {}
 
 
+def gesture_of(command: Edit) -> str:
+    """The name of the gesture an edit is a part of; empty where it has none."""
+    return command.gesture if isinstance(command, SetParam) else ""
+
+
 def edited(
     before: Settings, base: Experiment, command: Edit, same_gesture: bool
 ) -> tuple[Settings, str]:
     """The settings a command leads to, and a sentence about it; `base` is the scenario's own
-    experiment. An edit of the same parameters in one gesture is no step of its own for undo."""
+    experiment. Edits of the same parameters in one gesture, and those of one gesture with a name,
+    are one step for undo."""
     match command:
         case SetParam() | SetParams():
             values = values_of(command)
             after, paths = set_params(before.experiment, values), " ".join(sorted(values))
+            if gesture := gesture_of(command):
+                return before.moved(after, values, gesture), ""
             return before.edited(after, paths, same_gesture and before.path == paths), ""
         case SwapModel(role, name):
             after, note = swapped(before.experiment, base, role, name)
@@ -176,10 +236,7 @@ def until_reset(edited: Experiment, started: Experiment) -> Experiment:
 def waits(running: Experiment, edited: Experiment, path: str) -> bool:
     """Whether a parameter has not its edited value yet; that of a world the run did not begin in is
     not even there."""
-    try:
-        return params.get(running, path) != params.get(edited, path)
-    except ParamError:
-        return True
+    return not _has(running, path) or params.get(running, path) != params.get(edited, path)
 
 
 def uses(settings: Any, model: type[Any]) -> bool:

@@ -28,7 +28,16 @@ from scene_core.session.commands import (
     ZeroAxes,
 )
 from scene_core.session.config import Experiment
-from scene_core.session.edits import Edit, Settings, edited, same_values, uses, values_of, waits
+from scene_core.session.edits import (
+    Edit,
+    Settings,
+    edited,
+    gesture_of,
+    same_values,
+    uses,
+    values_of,
+    waits,
+)
 from scene_core.session.frame_end import Deed
 from scene_core.session.metrics import Metrics
 from scene_core.session.roles import outdated
@@ -228,7 +237,9 @@ class Session:
 
     def _edit(self, command: Edit, playing: bool = False) -> None:
         before, values = self.settings, values_of(command)
-        if values and same_values(before.experiment, values):
+        # The end of a gesture is an edit also where it changes nothing: of what undo goes back to.
+        ends = before.gesture and gesture_of(command) == before.gesture
+        if values and not ends and same_values(before.experiment, values):
             self.message = "; ".join(f"{path} is already {new}" for path, new in values.items())
             return
         after, note = edited(before, self.base, command, self._live.same_gesture(playing))

@@ -131,6 +131,24 @@ def test_held_keys_drive_and_let_go_stop(by_hand: Site) -> None:
     ]
 
 
+def test_one_press_of_keys_until_all_are_let_go_is_one_gesture(by_hand: Site) -> None:
+    posted, uuid = by_hand.fake.posted, by_hand.panel(Drive).keys.uuid
+    with raw_client(by_hand.server) as me:
+        me.settle()
+        posted.clear()
+        hold(me, uuid, "KeyW")
+        hold(me, uuid, "KeyW", "KeyD")
+        hold(me, uuid)
+        hold(me, uuid, "KeyW")
+        hold(me, uuid)
+        assert wait(lambda: len(posted) == 6)
+    first, second = posted[0], posted[4]
+    assert isinstance(first, SetParam) and isinstance(second, SetParam)
+    gestures = [c.gesture for c in posted if isinstance(c, SetParam)]
+    assert gestures == 4 * [first.gesture] + 2 * [second.gesture]
+    assert first.gesture and second.gesture not in ("", first.gesture)
+
+
 def test_who_leaves_lets_go(by_hand: Site) -> None:
     posted, uuid = by_hand.fake.posted, by_hand.panel(Drive).keys.uuid
     with raw_client(by_hand.server) as me:
