@@ -13,7 +13,7 @@ from scene_core.params import param
 from scene_core.sources import noise
 from scene_core.sources.worlds import SimulatedWorld, rectangle
 
-WALL_SHARE = 0.625
+WALL_SHARE = 0.65
 """Height of the walls below the roof, as a fraction of the house's."""
 DOOR = (0.9, 2.0)
 """Width and height of a door, m."""
@@ -26,10 +26,9 @@ EDGE = 0.3
 @dataclass(frozen=True)
 class House(SimulatedWorld):
     """23 segments: the uprights (4) and the floor (4) of the walls, the roof (7: both eaves, four
-    rafters and the ridge), a door (4) in one wall and a window (4) in the next.
+    rafters and the ridge), a door (4) and a window (4) in the western wall.
 
-    Source: Solà, *An EKF-SLAM toolbox in Matlab*, world "house": its 23 segments and its size of
-    5 x 5 x 4 m; where the door and the window are is this project's choice.
+    Source: Solà, *An EKF-SLAM toolbox in Matlab*, world "house".
     """
 
     name: ClassVar[str] = "house"
@@ -71,8 +70,8 @@ class House(SimulatedWorld):
         ridge = ((0.0, 0.5, 1.0), (1.0, 0.5, 1.0))
         rafters = [(eave[i], ridge[i]) for eave in (south, north) for i in (0, 1)]
         roof = np.array([south, north, *rafters, ridge])
-        door = rectangle(0.4, 0.6, 0.0, 0.5, 0.0)[..., [0, 2, 1]]
-        window = rectangle(0.35, 0.65, 0.25, 0.5, 1.0)[..., [2, 0, 1]]
+        door = rectangle(0.6, 0.8, 0.0, 0.5, 0.0)[..., [2, 0, 1]]
+        window = rectangle(0.2, 0.4, 0.25, 0.5, 0.0)[..., [2, 0, 1]]
         unit = np.concatenate([uprights, rectangle(0.0, 1.0, 0.0, 1.0, 0.0), roof, door, window])
         size, corner = (self.length, self.width, self.height), (self.x, self.y, self.z)
         return np.array(corner) + unit * np.array(size)

@@ -19,6 +19,7 @@ from scene_core.models.features.point_3d import EuclideanPoint
 from scene_core.models.features.ray_particles import RayWithParticles
 from scene_core.models.sensors.depth_camera import DepthCamera
 from scene_core.models.sensors.pinhole import Pinhole
+from scene_core.sources.buildings import House
 from scene_core.sources.segments import clipped
 
 close = partial(np.testing.assert_allclose, rtol=1e-9, atol=1e-9)
@@ -242,3 +243,11 @@ def test_a_quaternion_of_unit_length_in_the_map(slamtb):
     across, q = np.eye(8), expected["x"][3:7]
     across[3:7, 3:7] -= np.outer(q, q)
     close(work.P, across @ expected["P"] @ across)
+
+
+def test_the_house_has_the_toolbox_s_segments_in_any_order(slamtb):
+    ((given, expected),) = slamtb("house")
+    theirs = expected["H"].T.reshape(-1, 2, 3)
+    ours = House(**given).segments()
+    each = [sorted(tuple(sorted(map(tuple, s.round(9) + 0.0))) for s in x) for x in (theirs, ours)]
+    assert each[0] == each[1]
