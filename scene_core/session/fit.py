@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
+from scene_core import params
 from scene_core.arrays import Vec
 from scene_core.models.base import Sensor, completed
 from scene_core.params import ParamError
@@ -51,13 +52,13 @@ def fitted(old: Sensor, new: Sensor) -> tuple[Sensor, float]:
         return least_squares(residual, start, jacobian, x_scale="jac")  # pyright: ignore
 
     fit = min((solution(start) for start in _starts(old, new)), key=lambda s: s.cost)
-    rms = float(np.sqrt(np.mean(residual(fit.x).reshape(z.shape) ** 2)))
+    sensor = _in_range(new.with_calib(fit.x))  # type: ignore[attr-defined]
+    rms = float(np.sqrt(np.mean(residual(sensor.calib0).reshape(z.shape) ** 2)))
     if not (np.isfinite(rms) and rms < BAD_FIT * (old.limits[0][1] - old.limits[0][0])):
         raise ParamError(
             f"'{new.name}' can not see the same images as '{old.name}': the best calibration is "
             f"off by {rms:.1f} px rms; bring the distortion nearer to zero first"
         )
-    sensor = new.with_calib(fit.x)  # type: ignore[attr-defined]
     return sensor, rms
 
 
@@ -68,6 +69,20 @@ def with_same_fields(old: Any, new: Any) -> Any:
     new = replace(new, **shared)
     empty = {f.name: (0.0,) * DISTORTION_TERMS for f in fields(new) if getattr(new, f.name) == ()}
     return replace(new, **empty)
+
+
+def _in_range(sensor: Any) -> Any:
+    """With every parameter that the fit left outside its range, be it by rounding, at the nearest
+    end of it: settings with any other could not be read again."""
+    nearest: dict[str, Any] = {}
+    for spec in params.schema(sensor):
+        lo = -np.inf if spec.lo is None else spec.lo
+        hi = np.inf if spec.hi is None else spec.hi
+        if isinstance(spec.value, float):
+            nearest[spec.path] = min(max(spec.value, lo), hi)
+        elif isinstance(spec.value, tuple):
+            nearest[spec.path] = tuple(min(max(x, lo), hi) for x in spec.value)
+    return replace(sensor, **nearest)
 
 
 def _seen(sensor: Sensor) -> tuple[Vec, Vec]:
