@@ -50,7 +50,7 @@ def _value(hint: Any, value: Any, at: Place, name: str, meta: Mapping[str, Any] 
         hint = next(h for h in get_args(hint) if h is not type(None))
         origin = get_origin(hint)
     if origin is not None and issubclass(_class(origin), Mapping):
-        return _mapping(get_args(hint)[1], value, at.below(name))
+        return _mapping(get_args(hint)[1], value, at.below(name), meta)
     if is_dataclass(hint) or polymorphic.variants(_hashable(hint)) is not None:
         return _object(hint, value, at.below(name))
     if origin is tuple:
@@ -88,7 +88,8 @@ def _object(hint: Any, value: Any, at: Place) -> Any:
     out: dict[str, Any] = {}
     for key, f in by_key.items():
         if key in value:
-            out[f.name] = _value(hints[f.name], value[key], at, key, f.metadata.get("param"))
+            meta = f.metadata.get("param", f.metadata.get("entries"))
+            out[f.name] = _value(hints[f.name], value[key], at, key, meta)
             if f.name in ("motion", "sensor"):
                 known = units.label_units(types.SimpleNamespace(**{f.name: out[f.name]}))
                 at = replace(at, labels=known)
@@ -105,19 +106,19 @@ def _key(f: Field[Any]) -> str:
     return units.key(f.name, meta["unit"] if meta else "")
 
 
-def _mapping(hint: Any, value: Any, at: Place) -> dict[str, Any]:
+def _mapping(hint: Any, value: Any, at: Place, meta: Mapping[str, Any] | None) -> dict[str, Any]:
     if not isinstance(value, Mapping):
         raise at.error(f"write this as a table, not as {value!r}")
     if hint is not float:
         return {name: _value(hint, one, at, name, None) for name, one in value.items()}
     if at.labels is None:
-        return {key: _scalar(float, one, at, key, None) for key, one in value.items()}
+        return {key: _scalar(float, one, at, key, meta) for key, one in value.items()}
     by_key = {units.key(label, unit): label for label, unit in at.labels.items()}
     out = {}
     for key, one in value.items():
         if key not in by_key:
             raise at.error(f"no key '{key}' here: it may have {', '.join(by_key)}")
-        out[by_key[key]] = _scalar(float, one, at, key, None)
+        out[by_key[key]] = _scalar(float, one, at, key, meta)
     return out
 
 

@@ -15,6 +15,7 @@ from scene_core.models.lifting import lifted
 from scene_core.models.registry import runs_on
 from scene_core.params import ParamError
 from scene_core.session.config import Experiment
+from scene_core.session.start import sd_labels
 from scene_core.session.swap_words import swap_words
 from scene_core.sources.simulated import Simulation
 from scene_core.sources.truth import TrueRobot
@@ -43,8 +44,7 @@ def with_true_motion(
         # The driver is the one at the wheel now.
         return params.put(experiment, path, replace(original, driver=now.driver)), note
     start = dict(zip(motion.state_labels, taken.xv.tolist(), strict=True))
-    turns = [s for s in now.start_sd if bare(s) in ("rx", "ry", "rz")]
-    kept = {*motion.state_labels, *(turns if set(PLACES) <= set(motion.state_labels) else ())}
+    kept = {*motion.state_labels, *sd_labels(motion.state_labels)}
     after = replace(
         now,
         motion=motion,

@@ -6,6 +6,7 @@ import contextlib
 import dataclasses
 import tomllib
 from functools import cache
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -77,6 +78,25 @@ def test_swapped_experiments_survive() -> None:
             except ParamError:
                 continue
             assert toml_io.loads(toml_io.dumps(edited, base)) == edited
+
+
+def test_a_true_arm_that_became_a_body_survives() -> None:
+    """Its foot had a spread of its own, which a body does not have."""
+    base: Any = build("arm")
+    assert "foot:rx" in base.source.robots["arm"].start_sd
+    edited, _ = swapped(base, base, "source.robots.arm.motion", "inertial")
+    assert toml_io.loads(toml_io.dumps(edited, base)) == edited
+
+
+@pytest.mark.parametrize("side", ["estimator", "source"])
+def test_a_standard_deviation_in_a_file_is_not_below_zero(side: str) -> None:
+    ahead, table, after = toml_io.dumps(build("calibration")).partition(
+        f"[{side}.mounts.camera.calib_sd]"
+    )
+    wrong = ahead + table + after.replace("fu_px = 8.0", "fu_px = -8.0", 1)
+    words = rf"\[{side}.mounts.camera.calib_sd\]: fu_px = -8 is outside \[0, inf\]"
+    with pytest.raises(ParamError, match=words):
+        toml_io.loads(wrong)
 
 
 def test_instruments_and_limits_survive() -> None:
