@@ -29,6 +29,8 @@ ORBIT_RATE = math.radians(12.0)
 CLOSE, FAR = 1.06, 1.25
 """Of how far away all of the map is just in sight. One stands close to a simulated place, whose
 walls say where one is, and farther from a cloud of points."""
+UNTOLD = np.array([3.0, 3.0, 3.0])
+"""Where viser puts a browser that was not told where to begin."""
 _last_places = partial(deque[Vec], maxlen=6)
 
 
@@ -81,8 +83,6 @@ class Cameras:
             self._starts.clear()
             self._fits.clear()
         self._start_at(bounds)
-        start = self.server.initial_camera
-        start.fov, start.up = FOV, self._up()
         if changed:
             self.modes.clear()
             self._own.clear()
@@ -91,9 +91,12 @@ class Cameras:
                 self._fit(client, bounds)
 
     def _start_at(self, bounds: Bounds) -> None:
+        """Say all of it each time, the position first: a browser goes by what it has heard when the
+        first word of it comes, and the rest may come much later."""
         position, target = self._standing("perspective", bounds)
-        self.server.initial_camera.position = position
-        self.server.initial_camera.look_at = target
+        start = self.server.initial_camera
+        start.position, start.look_at = position, target
+        start.up, start.fov = self._up(), FOV
         self._starts.append(position)
 
     def refit(self, bounds: Bounds) -> None:
@@ -116,14 +119,15 @@ class Cameras:
 
     def _is_fitted(self, client: viser.ClientHandle, bounds: Bounds) -> bool:
         """Whether a browser's camera is where it was put to see all of the map."""
-        known = (*self._starts, *self._fits[client.client_id])
+        known = (UNTOLD, *self._starts, *self._fits[client.client_id])
         return is_at(client.camera, known, bounds)
 
     def _is_new(self, client: viser.ClientHandle, bounds: Bounds) -> bool:
         """Whether a browser's camera is where new ones begin, and not where it was put: it may
         hear of the one after the other, whatever was said first."""
         fits = tuple(self._fits[client.client_id])[-1:]
-        return is_at(client.camera, self._starts, bounds) and not is_at(client.camera, fits, bounds)
+        starts = (UNTOLD, *self._starts)
+        return is_at(client.camera, starts, bounds) and not is_at(client.camera, fits, bounds)
 
     def _fit(self, client: viser.ClientHandle, bounds: Bounds) -> None:
         """Show a browser all of the map, in a canvas of the shape that it told last."""

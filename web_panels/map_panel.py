@@ -54,6 +54,9 @@ class MapPanel:
         self.bounds = self.seen = bounds
         size = bounds.radius
         self.simulated = len(geo.outline_of(p.experiment.source, world.up)) > 0
+        # A browser shows what it was told so far: first where to stand, then what is there.
+        self.cameras.margin = CLOSE if self.simulated else FAR
+        self.cameras.place(geo.view_name(p), bounds, world.up)
         self.ground = Ground(scene, p, world, bounds)
         self.paths = Paths(scene, world)
         self.true_landmarks = TrueLandmarks(scene, size)
@@ -68,9 +71,7 @@ class MapPanel:
         self.floor = Floor(scene, p, world.up, bounds, self.post)
         self.selected = Selected(scene)
         viser_hooks.send_places(scene, "/map")
-        self.cameras.margin = CLOSE if self.simulated else FAR
         self.axes = geo.axes_key(p)
-        self.cameras.place(geo.view_name(p), bounds, world.up)
         self.images_due = self.slow_due = self.correlation_due = 0.0
         self.chosen: int | None = None
         self.correlation: tuple[object, ...] = ()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import re
 from collections.abc import Iterator
 
 import numpy as np
@@ -336,6 +337,42 @@ def test_a_browser_that_hears_of_the_start_after_its_own_place_is_put_there_agai
         stand(server, client, wanted, 401)
         stand(server, client, server.initial_camera.position, 400)
         assert wait(lambda: cameras.moving)
+
+
+def test_a_browser_hears_where_to_stand_before_what_is_there_and_all_of_it_at_once(
+    server: viser.ViserServer,
+) -> None:
+    panel = MapPanel(Page())
+    panel.build(server, lambda _: None)
+    panel.render(Runner(Session(build("terrain"))).latest)
+    word = re.compile("SetCamera(Position|LookAt|UpDirection|Fov)Message")
+    for fresh in (True, False):
+        with raw_client(server) as client:
+            client.until(lambda m: m.get("name", "").startswith("/map/"))
+            client.settle()
+            told = [m.get("name", "") if "name" in m else m["type"] for m in client.seen]
+        words = [i for i, what in enumerate(told) if word.fullmatch(what)]
+        assert told[words[0]] == "SetCameraPositionMessage"
+        assert words == list(range(words[0], words[0] + 4))
+        drawn = [i for i, what in enumerate(told) if what.startswith("/map/")]
+        assert words[0] < drawn[0] or not fresh
+        larger = map_geometry.Bounds(2.0 * panel.bounds.lo, 2.0 * panel.bounds.hi)
+        panel.cameras.refit(larger)
+
+
+def test_a_browser_that_was_not_told_in_time_is_put_where_it_sees_all(
+    server: viser.ViserServer,
+) -> None:
+    cameras = Cameras(server)
+    bounds = map_geometry.Bounds(np.array([-1.0, -2.0, 0.0]), np.array([3.0, 2.0, 1.0]))
+    cameras.place("a run", bounds, "z")
+    with raw_client(server):
+        assert wait(lambda: len(server.get_clients()) == 1)
+        (handle,) = server.get_clients().values()
+        assert np.allclose(handle.camera.position, CAMERA["position"])
+        cameras._refit(handle, bounds)
+        wanted, _ = cameras._standing("perspective", bounds, 800 / 600)
+        assert np.allclose(handle.camera.position, wanted)
 
 
 def test_a_browser_that_hears_of_the_start_after_its_own_kept_view_is_given_that_again(
