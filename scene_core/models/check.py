@@ -6,6 +6,7 @@ swapped in.
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Iterator
 from dataclasses import MISSING, fields, is_dataclass, replace
 from typing import Any
@@ -82,10 +83,21 @@ def _misspelt(model: Any) -> Iterator[tuple[str, str]]:
     parameters = {f.name for f in fields(model) if "param" in f.metadata}
     own = [c for c in type(model).__mro__ if not c.__module__.startswith("scene_core.")]
     names = dict.fromkeys(name for cls in own for name in vars(cls) if name[0] != "_")
+    used = {name for cls in own for name in _used(cls)}
     for name in names:
         known = closest(name, dir(base))
-        if known and name not in parameters and not hasattr(base, name):
+        if known and name not in parameters and name not in used and not hasattr(base, name):
             yield name, known
+
+
+def _used(cls: type[Any]) -> Iterator[str]:
+    """Names that the functions of a class use; not those a dataclass writes, which use all of its
+    fields."""
+    for what in vars(cls).values():
+        function = what.fget if isinstance(what, property) else inspect.unwrap(what)
+        code = getattr(function, "__code__", None)
+        if code is not None and code.co_filename != "<string>":
+            yield from code.co_names
 
 
 def _laws(model: Any, rng: np.random.Generator) -> list[Law]:

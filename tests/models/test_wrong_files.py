@@ -205,6 +205,15 @@ def test_what_nobody_reads_is_noted(tmp_path: Path) -> None:
     ]
 
 
+def test_what_the_model_itself_reads_is_not(tmp_path: Path) -> None:
+    given, helped = "return PositionState(xv)", "return PositionState(self.normalised(xv))"
+    helper = f"{helped}\n\n    def normalised(self, xv):\n        return xv"
+    (tmp_path / "mine.py").write_text(changed(MOTION, given, helper))
+    (model,) = load_file(tmp_path / "mine.py").models
+    assert model.conforms and model.report is not None
+    assert not [note for note in model.report.remarks if "nobody reads" in note]
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
