@@ -45,6 +45,7 @@ from scene_core.sources.truth import (
     TrueMount,
     TrueRobot,
     check_mounts,
+    check_robots,
     retold,
     told,
 )
@@ -232,6 +233,7 @@ class Simulation:
     def _check(self) -> None:
         """Refuses what can not be simulated together, and a world that can not be read."""
         landmarks(self.world)
+        check_robots(self.robots)
         check_drivers(self.robots)
         known = (*landmarks(self.world)[0], *lines(self.world).ids)
         markers.check(self.markers, self.robots, known)

@@ -100,11 +100,42 @@ class TrueMount:
         return index >= self.offset and (index - self.offset) % self.every == 0
 
 
+def check_robots(robots: Mapping[str, TrueRobot]) -> None:
+    """Raises SourceError for the start of what a robot's state does not have, and for a spread that
+    is none."""
+    for i, robot in robots.items():
+        labels = robot.motion.state_labels
+        turns = (f"{prefix}r{axis}" for prefix in quaternions(labels) for axis in "xyz")
+        for what, given, known in (
+            ("start", robot.start, labels),
+            ("start_sd", robot.start_sd, (*labels, *turns)),
+        ):
+            unknown = [s for s in given if s not in known]
+            if unknown:
+                raise SourceError(
+                    f"source.robots.{i}.{what} has no component '{unknown[0]}': it may hold "
+                    f"{', '.join(known)}"
+                )
+        below = [s for s, sd in robot.start_sd.items() if not sd >= 0.0]
+        if below:
+            raise SourceError(
+                f"source.robots.{i}.start_sd.{below[0]} = {robot.start_sd[below[0]]}: a standard "
+                "deviation is >= 0"
+            )
+
+
 def check_mounts(mounts: Mapping[str, TrueMount], robots: Mapping[str, TrueRobot]) -> None:
-    """Raises SourceError for a sensor that is on no robot, or at a place of another dimension."""
+    """Raises SourceError for a sensor that is on no robot, on none of its hooks, or at a place of
+    another dimension."""
     for i, mount in mounts.items():
         if mount.robot not in robots:
             raise SourceError(f"source.mounts.{i}: there is no true robot '{mount.robot}'")
+        motion = robots[mount.robot].motion
+        if mount.hook not in motion.hooks:
+            raise SourceError(
+                f"source.mounts.{i}.hook = '{mount.hook}': '{motion.name}' has the hooks "
+                f"{', '.join(motion.hooks)}"
+            )
         n = mount.sensor.space.n
         if len(mount.pose) != n:
             raise SourceError(f"source.mounts.{i}.pose: give {n} numbers, not {len(mount.pose)}")

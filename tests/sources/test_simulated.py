@@ -298,6 +298,22 @@ def test_instruments_feel_the_true_motion() -> None:
             {"robots": {"r": TrueRobot(Odometry3D(), CIRCLE, calib_sd={"k": 1.0})}},
             "no calibration 'k'",
         ),
+        (
+            {"robots": {"r": TrueRobot(Odometry3D(), CIRCLE, {"foot:x": 1.0})}},
+            r"source.robots.r.start has no component 'foot:x': it may hold x, y, z, qw",
+        ),
+        (
+            {"robots": {"r": TrueRobot(Odometry3D(), CIRCLE, start_sd={"phi": 0.1})}},
+            r"source.robots.r.start_sd has no component 'phi': .*qz, rx, ry, rz",
+        ),
+        (
+            {"robots": {"r": TrueRobot(Odometry3D(), CIRCLE, start_sd={"rz": -0.1})}},
+            r"source.robots.r.start_sd.rz = -0.1: a standard deviation is >= 0",
+        ),
+        (
+            {"mounts": {"camera": TrueMount(CAMERA, "r", POSE, "roof")}},
+            r"source.mounts.camera.hook = 'roof': '6-DoF odometry' has the hooks base",
+        ),
     ],
 )
 def test_what_does_not_fit_is_refused_in_words(changes: dict, words: str) -> None:
