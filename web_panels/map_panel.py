@@ -67,7 +67,7 @@ class MapPanel:
         self.particles = Particles(self.server, self._choose, size)
         self.robots = Robots(scene, world, size)
         self.places = Places(scene, world, size)
-        self.flags = Flags(scene, size)
+        self.flags = Flags(scene, world, size)
         self.floor = Floor(scene, p, world.up, bounds, self.post)
         self.selected = Selected(scene)
         viser_hooks.send_places(scene, "/map")

@@ -12,7 +12,7 @@ from scene_core.session.published import Published
 from web_panels import map_geometry as geo
 from web_panels.map_geometry import Bounds
 from web_panels.panel import Look, Post
-from web_panels.style import C
+from web_panels.style import RGB, C, linear, robot_colour
 from web_panels.waypoints import (
     as_point,
     on_map,
@@ -35,21 +35,40 @@ def flag_height(feet: Vec, most: float) -> float:
     return min(most, SPACING * float(apart.min())) if len(apart) else most
 
 
-class Flags:
-    """One flag for every waypoint of every simulated robot."""
+class _Lines:
+    """Segments of flags; of several ends the browser takes the colours as linear light."""
 
-    def __init__(self, scene: viser.SceneApi, size: float) -> None:
+    def __init__(self) -> None:
+        self.points: list[Vec] = []
+        self.colours: list[Vec] = []
+
+    def add(self, flag: Vec, colour: RGB) -> None:
+        self.points.append(flag)
+        self.colours.append(np.broadcast_to(linear(colour), flag.shape))
+
+
+class Flags:
+    """One flag for every waypoint of every simulated robot; of several each has its colour."""
+
+    def __init__(self, scene: viser.SceneApi, world: World, size: float) -> None:
         self.scene, self.height = scene, 0.09 * size
         self.frame = scene.add_frame("/map/waypoints", show_axes=False)
-        self.flags = self._lines("/map/waypoints/all", "ink", 1.6)
-        self.goals = self._lines("/map/waypoints/goals", "truth", 3.5)
+        self.flags = self._lines("/map/waypoints/all", 1.6)
+        self.goals = self._lines("/map/waypoints/goals", 3.5)
         self.labels: dict[str, viser.LabelHandle] = {}
+        bodies = geo.bodies(world.robots)
+        self.colours = {name: (C["ink"], C["truth"]) for name in world.robots}
+        """Of each robot's flags, and of that of its present goal."""
+        if len(world.robots) > 1:
+            own = {name: robot_colour(bodies.index((name, "base"))) for name in world.robots}
+            self.colours = {name: (colour, colour) for name, colour in own.items()}
 
-    def _lines(self, name: str, colour: str, thickness: float) -> viser.LineSegmentsHandle:
+    def _lines(self, name: str, thickness: float) -> viser.LineSegmentsHandle:
+        none = np.zeros((0, 2, 3))
         return self.scene.add_line_segments(
             name,
-            np.zeros((0, 2, 3), np.float32),
-            C[colour],
+            none.astype(np.float32),
+            none.astype(np.uint8),
             thickness=thickness,
             thickness_units="screen",
         )
@@ -59,7 +78,7 @@ class Flags:
         side = np.roll(up, 1)
         place = geo.place_of_world(p)
         self.frame.position, self.frame.wxyz = place[:3], place[3:]
-        flags, goals, texts = [], [], {}
+        flags, goals, texts = _Lines(), _Lines(), {}
         for robot in world.robots:
             points = waypoints_of(p, robot)
             if not points:
@@ -75,10 +94,11 @@ class Flags:
                 here = goal is not None and np.allclose(goal, points[i])
                 size = height * (1.5 if here else 1.0)
                 flag = foot + size * (FLAG[:, :1] * side + FLAG[:, 1:] * up)
-                (goals if here else flags).append(flag.reshape(3, 2, 3))
+                (goals if here else flags).add(flag, self.colours[robot][here])
                 texts[f"{robot}:{i}"] = (str(i + 1), foot + size * up)
-        for node, parts in ((self.flags, flags), (self.goals, goals)):
-            node.points = np.array(parts, dtype=np.float32).reshape(-1, 2, 3)
+        for node, lines in ((self.flags, flags), (self.goals, goals)):
+            node.points = np.array(lines.points, dtype=np.float32).reshape(-1, 2, 3)
+            node.colors = np.array(lines.colours, dtype=np.uint8).reshape(-1, 2, 3)
         self._write(texts)
 
     def _write(self, texts: dict[str, tuple[str, Vec]]) -> None:

@@ -39,7 +39,7 @@ from web_panels.map_layers import Sightings
 from web_panels.map_legend import legend_html, legend_of
 from web_panels.map_panel import MapPanel, followed
 from web_panels.map_robots import Paths, Robots
-from web_panels.map_waypoints import flag_height
+from web_panels.map_waypoints import Flags, flag_height
 from web_panels.panel import Look, Page
 from web_panels.style import HEX, C, linear, robot_colour
 from web_panels.viewpoints import FOV
@@ -404,6 +404,24 @@ def test_flags_are_smaller_than_the_way_between_them() -> None:
     assert flag_height(line, 0.3) == pytest.approx(0.1)
     assert flag_height(10 * line, 0.3) == 0.3
     assert flag_height(line[:1], 0.3) == flag_height(line[:0], 0.3) == 0.3
+
+
+@pytest.mark.parametrize("preset", ["nomad", "cooperation"])
+def test_flags_of_several_robots_have_the_colours_of_their_robots(
+    server: viser.ViserServer, preset: str
+) -> None:
+    session = Session(build(preset))
+    session.advance()
+    flags = Flags(server.scene, session.world, 10.0)
+    flags.render(Runner(session).latest, session.world)
+    assert flags.flags.points.shape == flags.flags.colors.shape
+    assert flags.goals.points.shape == flags.goals.colors.shape
+    seen = {tuple(rgb) for rgb in flags.flags.colors.reshape(-1, 3).tolist()}
+    goals = {tuple(rgb) for rgb in flags.goals.colors.reshape(-1, 3).tolist()}
+    if preset == "nomad":
+        assert seen == {tuple(linear(C["ink"]))} and goals == {tuple(linear(C["truth"]))}
+    else:
+        assert seen == goals == {tuple(linear(robot_colour(i))) for i in (0, 1)}
 
 
 def test_the_legend_states_confidence_and_dimension() -> None:
