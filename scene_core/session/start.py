@@ -25,6 +25,7 @@ from scene_core.session.config import (
     RobotSettings,
 )
 from scene_core.session.markers import with_markers
+from scene_core.session.tracks import body_name
 from scene_core.sources.vision import load_patch
 from scene_core.sources.worlds import SimulatedWorld
 
@@ -55,6 +56,7 @@ def initial_world(experiment: Experiment) -> World:
     Raises ParamError naming the table and the label that does not fit.
     """
     settings = experiment.estimator
+    check_names(settings)
     robots = {i: Robot(i, r.motion) for i, r in settings.robots.items()}
     mounts = {i: _mount(settings, i, m) for i, m in settings.mounts.items()}
     given = known_features(experiment)
@@ -81,6 +83,17 @@ def initial_world(experiment: Experiment) -> World:
         next_label=len(given) + 1,
     )
     return with_markers(_with_known(world, experiment, given), settings)
+
+
+def check_names(settings: EstimatorSettings) -> None:
+    """Raise ParamError where a robot is called like a body of another one, e.g. "pair second"."""
+    bodies = [body_name(i, b) for i, r in settings.robots.items() for b in r.motion.bodies]
+    twice = next((name for name in bodies if bodies.count(name) > 1), None)
+    if twice is not None:
+        raise ParamError(
+            f"estimator.robots.{twice}: a body of another robot is called '{twice}'; choose "
+            "another name"
+        )
 
 
 def _add_robots(blocks: _Blocks, settings: EstimatorSettings, robots: Mapping[str, Robot]) -> None:

@@ -28,7 +28,7 @@ from scene_core.params import ParamError
 from scene_core.session.config import EstimatorSettings
 from scene_core.session.estimated import with_estimated
 from scene_core.session.markers import moved_markers
-from scene_core.session.start import resting
+from scene_core.session.start import check_names, resting
 from scene_core.session.swap_words import swap_words
 
 
@@ -46,6 +46,7 @@ def reconfigure(world: World, old: EstimatorSettings, new: EstimatorSettings) ->
         return Reconfigured(world)
     if old.robots.keys() != new.robots.keys() or old.mounts.keys() != new.mounts.keys():
         raise ParamError("robots and sensors can not be added or removed while running: reset")
+    check_names(new)
     notes: list[str] = []
     for robot, settings in new.robots.items():
         if settings.motion is not old.robots[robot].motion:

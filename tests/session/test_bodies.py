@@ -102,6 +102,21 @@ def test_a_body_that_is_swapped_away_leaves_and_comes_back() -> None:
     assert len(r.sd) == 12 and known.tolist() == [True] * 4 + [False] * 4 + [True] * 4
 
 
+def test_no_robot_is_called_like_a_body_of_another() -> None:
+    e: Any = pair()
+    double = e.estimator.robots["pair"]
+    one = replace(double, motion=double.motion.first, start={})
+    both = {"pair": double, "pair second": one}
+    words = "estimator.robots.pair second: a body of another robot is called 'pair second'"
+    with pytest.raises(ParamError, match=words):
+        initial_world(replace(e, estimator=replace(e.estimator, robots=both)))
+    two = {"pair": one, "pair second": one}
+    alone = replace(e.estimator, robots=two, markers={})
+    world = initial_world(replace(e, estimator=alone))
+    with pytest.raises(ParamError, match=words):
+        reconfigure(world, alone, replace(alone, robots=both))
+
+
 def h_of(x: np.ndarray) -> np.ndarray:
     """Range and bearing of the lamp from the first robot, written out for the pair's state."""
     z, xx = x[4] + 0.2 * np.cos(x[7]) - x[0], x[5] + 0.2 * np.sin(x[7]) - x[1]
