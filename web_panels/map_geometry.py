@@ -232,6 +232,7 @@ def start_bounds(p: Published, world: World) -> Bounds:
     points = true_points(p, world.up)
     if len(outline) == 0 and len(points) == 0 and world.features:
         parts.append(Clouds().of(world, 0.5, 0.0).positions)
+    if len(outline) == 0 and (len(points) or world.features):
         least = 0.8
     return bounds_of(np.concatenate([*parts, outline, points]), least)
 

@@ -542,6 +542,20 @@ def test_a_model_that_is_swapped_brings_its_bodies_to_the_map(server: viser.Vise
     assert not panel.robots.true_bodies["nomad", "second"].visible, "there is none"
 
 
+def test_a_recording_of_something_small_is_seen_from_near(
+    cloister: Published, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert cloister.trace is not None
+    world = cloister.trace.world
+    at = map_geometry.robot_pose(world, "robot")[:3]
+    box = at + 0.2 * RNG.standard_normal((40, 3)).clip(-1.0, 1.0)
+    monkeypatch.setattr(map_geometry, "outline_of", lambda *_: np.zeros((0, 2, 3)))
+    monkeypatch.setattr(map_geometry, "true_points", lambda *_: box)
+    bounds = map_geometry.start_bounds(cloister, world)
+    assert bounds.radius < 0.5 * math.sqrt(3.0)
+    assert (bounds.lo <= box).all() and (box <= bounds.hi).all()
+
+
 def test_undulating_ground_is_drawn_where_it_is() -> None:
     source = build("terrain").source
     assert isinstance(source, Simulation)
