@@ -35,8 +35,8 @@ class AnchoredPluckerLine(StraightLine):
     both divided by |r1 x r2|. Linear in rho, which a first view leaves to the prior
     N(rho_mean, rho_sd^2). t is the angle at the anchor from the line's nearest point.
 
-    As consistent as an "inverse depth line": NEES 6.5 round the house (3 seeds, 400 frames; the
-    toolbox 30) for 6.2. It takes the constraint, with its exact Jacobian (15 without, 2 seeds), and
+    As consistent as an "inverse depth line": NEES 7.3 round the house (5 seeds, 400 frames; the
+    toolbox 30) for 6.9. It takes the constraint, with its exact Jacobian (15 without, 2 seeds), and
     ends that are looked for where they were seen last: in metres along a line of unknown distance
     they left the image, and the line was found again too late (NIS 6.1 for 2.0, 3 lines lost in a
     run).
