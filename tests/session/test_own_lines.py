@@ -49,8 +49,11 @@ class TwoPoints(FeatureModel):
         return Primitive(np.array([h1x, h1y, h1z, rho1, h2x, h2y, h2z, rho2]))
 
     def redefine(self, y, xpdef):
-        (m1, m2) = (THREE_D.to_local(xpdef, one).X for one in (y[:4], y[4:]))
-        return Redefined(np.array([*m1, *m2]))
+        first, second = (THREE_D.to_local(xpdef, one) for one in (y[:4], y[4:]))
+        by_y = np.block([[first.by_X, np.zeros((4, 4))], [np.zeros((4, 4)), second.by_X]])
+        return Redefined(
+            np.array([*first.X, *second.X]), by_y, np.concatenate([first.by_xp, second.by_xp])
+        )
 
     def ends(self, y, t):
         return np.array([*(y[:4] + t[0] * (y[4:] - y[:4])), *(y[:4] + t[1] * (y[4:] - y[:4]))])
