@@ -30,10 +30,9 @@ class Settings:
     """What redo goes forward to, or does again, next one last."""
     path: str = ""
     """The parameter the last edit was about: more edits of it in one gesture are one step."""
-    gesture: str = ""
-    """The last gesture with a name."""
-    began: Experiment | None = None
-    """What undo goes back to to take all of that gesture back."""
+    gestures: tuple[tuple[str, Experiment], ...] = ()
+    """Gestures with a name, and the step of `past` that takes all of each back: a key may be held
+    while a slider is moved."""
 
     def edited(self, experiment: Experiment, path: str = "", same_step: bool = False) -> Settings:
         """After one more edit; `same_step` merges it with the last one for undo."""
@@ -43,22 +42,27 @@ class Settings:
     def moved(self, experiment: Experiment, values: Mapping[str, Any], gesture: str) -> Settings:
         """After one more edit of a gesture with a name. What was done since it began keeps its
         steps, but none of them goes back to what the gesture has left behind."""
-        known = gesture == self.gesture
-        at = [i for i, step in enumerate(self.past) if known and step is self.began]
-        if not at:
+        began = dict(self.gestures).get(gesture)
+        at = [i for i, step in enumerate(self.past) if step is began]
+        if began is None or not at:
             if not params.changed(experiment, self.experiment):
                 return replace(self, future=_with(self.future, values))
             after = self.edited(experiment)
-            return replace(after, gesture=gesture, began=self.experiment)
-        later = _with(self.past[at[0] + 1 :], values)
+            open_ones = [(name, e) for name, e in self.gestures if any(e is s for s in after.past)]
+            return replace(after, gestures=(*open_ones, (gesture, self.experiment)))
+        before, meanwhile = self.past[: at[0]], self.past[at[0] + 1 :]
+        later = _with(meanwhile, values)
+        pairs = zip(meanwhile, later, strict=True)
+        now = {id(old): new for old, new in pairs if not isinstance(new, Deed)}
+        others = tuple((name, now.get(id(e), e)) for name, e in self.gestures if name != gesture)
         first = next(s for s in (*later, experiment) if not isinstance(s, Deed))
-        if params.changed(first, self.began):
-            past = (*self.past[: at[0] + 1], *later)
-            return replace(self, experiment=experiment, past=past, future=(), path="")
-        # Whoever lets go of all keys is where they began: of that nothing is left to undo.
-        now = self.began if first is experiment and self.began else experiment
-        past = (*self.past[: at[0]], *later)
-        return Settings(now, past)
+        if params.changed(first, began):
+            kept, gestures = (*before, began, *later), (*others, (gesture, began))
+        else:
+            # Whoever lets go of all keys is where they began: of that nothing is left to undo.
+            kept, gestures = (*before, *later), others
+            experiment = began if first is experiment else experiment
+        return Settings(experiment, kept, gestures=gestures)
 
     def after(self, deed: Deed) -> Settings:
         """After something that changes no setting, but can be undone."""

@@ -238,7 +238,7 @@ class Session:
     def _edit(self, command: Edit, playing: bool = False) -> None:
         before, values = self.settings, values_of(command)
         # The end of a gesture is an edit also where it changes nothing: of what undo goes back to.
-        ends = before.gesture and gesture_of(command) == before.gesture
+        ends = gesture_of(command) in dict(before.gestures)
         if values and not ends and same_values(before.experiment, values):
             self.message = "; ".join(f"{path} is already {new}" for path, new in values.items())
             return

@@ -88,6 +88,7 @@ def test_what_ends_where_it_began_is_nothing_to_undo() -> None:
     "meanwhile",
     [
         (SetParam(SD, 0.3),),
+        (SetParam(SD, 0.3, "sd 1"), STEP, SetParam(SD, 0.4, "sd 1")),
         (SetParam(SD, 0.3), DELETE),
         (DELETE,),
         (ResetParams(),),
@@ -110,6 +111,15 @@ def test_whatever_is_done_meanwhile_no_undo_or_redo_leaves_a_key_down(
             driver = params.get(session.settings.experiment, HAND)
             assert not isinstance(driver, Manual) or driver.forward == 0.0
     assert session.world.gauss.x.size
+
+
+def test_a_slider_that_moves_before_and_after_a_press_leaves_no_key_down() -> None:
+    session = driven()
+    obey(session, SetParam(SD, 0.3, "sd 1"), STEP, forward(0.5), STEP)
+    obey(session, SetParam(SD, 0.4, "sd 1"), STEP, forward(0.0), STEP)
+    assert speed(session) == 0.0 and params.get(session.settings.experiment, SD) == 0.4
+    session.apply(Undo())
+    assert session.settings.experiment == session.base and session.settings.undoes is None
 
 
 def test_a_gesture_in_which_something_else_was_edited_takes_back_no_more_than_itself() -> None:
