@@ -18,8 +18,8 @@ class HomogeneousLine(PointPair):
 
     Over-confident, as "homogeneous point" says why: without an anchor the error of the place it was
     first seen from is forgotten. NEES 26 round the house (5 seeds, 400 frames; the toolbox 14), for
-    6.9 of an "inverse depth line" and 7.0 of an "anchored homogeneous line"; 7.2 where updates carry
-    the axes along (`Update.invariant`).
+    6.9 of an "inverse depth line" and 7.0 of an "anchored homogeneous line"; 7.2 where updates
+    carry the axes along (`Update.invariant`).
 
     Source: Solà, Vidal-Calleja, Civera, Montiel, *Impact of landmark parametrization on monocular
     EKF-SLAM with points and lines*, IJCV 2012, "HPL"; the toolbox's landmark "hmgLin".
