@@ -10,6 +10,7 @@ import asyncio
 import math
 import time
 from collections.abc import Callable
+from itertools import count
 from typing import Any
 
 import viser
@@ -29,6 +30,8 @@ DRAG_S = 1.0
 
 MOST_STEPS = 1000
 """A slider over a wider range than this, or with ends so different, could not be aimed at."""
+
+_movements = count(1)
 
 Send = Callable[[Any], None]
 """Takes the new value of an input, in SI units."""
@@ -105,14 +108,16 @@ class Drag:
     frames alone it could not be told: at high speed many go by between two places of a slider."""
 
     def __init__(self, of: str) -> None:
-        self.of, self._last, self._count = of, -math.inf, 0
+        self.of, self._last, self._name = of, -math.inf, ""
 
     def name(self) -> str:
-        """That of the movement which goes on, or of a new one."""
+        """That of the movement which goes on, or of a new one; no other input ever had it, also
+        none for the same parameter that was on the page before."""
         now = time.monotonic()
-        self._count += now - self._last > DRAG_S
+        if now - self._last > DRAG_S:
+            self._name = f"{self.of} {next(_movements)}"
         self._last = now
-        return f"{self.of} {self._count}"
+        return self._name
 
 
 def on_press(button: viser.GuiButtonHandle, action: Callable[[viser.ClientHandle], None]) -> None:

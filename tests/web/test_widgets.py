@@ -17,7 +17,9 @@ from tests.web.raw_client import raw_client
 from tests.web.test_gate import free_port, wait
 from web_panels import gate
 from web_panels.widgets import (
+    DRAG_S,
     SETTLE_S,
+    Drag,
     Field,
     Group,
     nice_step,
@@ -246,3 +248,17 @@ def test_titles_leave_symbols_alone() -> None:
         "NCC, min",
     ]
     assert rounded(2.8647889) == 2.865
+
+
+def test_a_movement_goes_on_until_a_pause_and_is_never_called_like_an_earlier_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now = [100.0]
+    monkeypatch.setattr("web_panels.widgets.time.monotonic", lambda: now[0])
+    names = []
+    for drag in (Drag("sd"), Drag("sd")):  # the panel was made anew between
+        for wait_s in (0.0, 0.9 * DRAG_S, 0.9 * DRAG_S, 1.1 * DRAG_S):
+            now[0] += wait_s
+            names.append(drag.name())
+    assert names[0] == names[1] == names[2] and names[4] == names[5] == names[6]
+    assert len(set(names)) == 4 and all(name.startswith("sd ") for name in names)
