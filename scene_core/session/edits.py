@@ -12,7 +12,7 @@ from scene_core.session.commands import Redo, ResetParams, SetParam, SetParams, 
 from scene_core.session.config import Experiment
 from scene_core.session.frame_end import Deed
 from scene_core.session.roles import swapped
-from scene_core.session.simulated_roles import check_drivers
+from scene_core.session.simulated_roles import check_truth
 
 Edit = SetParam | SetParams | SwapModel | Undo | Redo | ResetParams
 Steps = tuple[Experiment | Deed, ...]
@@ -172,8 +172,8 @@ def set_params(experiment: Experiment, values: Mapping[str, object]) -> Experime
                 "estimator. or source."
             )
     after = params.replace_all(experiment, values)
-    if any(path.startswith("source.robots.") for path in values):
-        check_drivers(after)
+    if any(path.startswith(("source.robots.", "source.mounts.")) for path in values):
+        check_truth(after)
     return after
 
 

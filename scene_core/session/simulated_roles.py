@@ -53,17 +53,19 @@ def with_simulated(
     own = original.name == name
     new = original if own else _classes(Driver)[name]().upright(experiment.source.up)
     after, who = params.put(experiment, role, new), role.split(".")[2]
-    check_drivers(after)
+    check_truth(after)
     return after, f"'{name}' drives '{who}' from the next frame on"
 
 
-def check_drivers(experiment: Experiment) -> None:
-    """Raises ParamError when a simulated robot has a driver that can not drive it."""
+def check_truth(experiment: Experiment) -> None:
+    """Raises ParamError when a simulation could not be started: a driver that can not drive its
+    robot, a calibration nothing has, no ground below a robot that is kept on it."""
     source = experiment.source
     if not isinstance(source, Simulation):
         return
     try:
-        wheel.check_drivers(source.robots)
+        # A world that waits for its file can not be started whatever robots and sensors are.
+        wheel.check_drivers(source.robots) if source.world.wanting() else source.start()
     except SourceError as e:
         raise ParamError(str(e)) from e
 

@@ -238,6 +238,8 @@ class Simulation:
         known = (*landmarks(self.world)[0], *lines(self.world).ids)
         markers.check(self.markers, self.robots, known)
         check_mounts(self.mounts, self.robots)
+        for i, part in (*self.robots.items(), *self.mounts.items()):
+            part.true_calib(i, self.seed)
         if self.rendering is not None:
             pictures.photographable(self.world)
         if self.rendering is not None and self.markers:

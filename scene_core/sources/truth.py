@@ -46,7 +46,7 @@ class TrueRobot:
         """True calibration (nk,) of the robot of this name."""
         nominal = _by_label(self.motion.calib_labels, self.motion.calib0)
         rng = noise.rng(seed, f"robot:{name}:calib")
-        return _calibrated(nominal, self.calib, self.calib_sd, rng)
+        return _calibrated(f"source.robots.{name}", nominal, self.calib, self.calib_sd, rng)
 
     def drawn(self, name: str, dt: float, seed: int) -> Vec:
         """The true state at the start of the robot of this name, normalised."""
@@ -93,7 +93,7 @@ class TrueMount:
         """True calibration (nk,) of the mount of this name."""
         nominal = _by_label(self.sensor.calib_labels, self.sensor.calib0)
         rng = noise.rng(seed, f"mount:{name}:calib")
-        return _calibrated(nominal, self.calib, self.calib_sd, rng)
+        return _calibrated(f"source.mounts.{name}", nominal, self.calib, self.calib_sd, rng)
 
     def fires(self, index: int) -> bool:
         """Whether the sensor measures in a frame."""
@@ -272,6 +272,7 @@ def _by_label(labels: Sequence[str], values: Vec) -> dict[str, float]:
 
 
 def _calibrated(
+    at: str,
     nominal: Mapping[str, float],
     true: Mapping[str, float],
     sd: Mapping[str, float],
@@ -281,7 +282,7 @@ def _calibrated(
     unknown = [s for s in (*true, *sd) if s not in nominal]
     if unknown:
         known = ", ".join(nominal) or "nothing"
-        raise SourceError(f"there is no calibration '{unknown[0]}': it has {known}")
+        raise SourceError(f"{at}: there is no calibration '{unknown[0]}': it has {known}")
     draws = rng.standard_normal(len(nominal))
     mean, sds = ({**nominal, **true}, {**dict.fromkeys(nominal, 0.0), **sd})
     return np.array(

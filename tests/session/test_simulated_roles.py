@@ -187,6 +187,27 @@ def test_a_waypoint_of_another_dimension_is_refused_when_it_is_given() -> None:
     session.advance()
 
 
+@pytest.mark.parametrize(
+    ("path", "value", "words"),
+    [
+        ("source.robots.nomad.on_ground", True, "'planar nomad' can not be kept on the ground"),
+        ("source.mounts.scanner.calib_sd.fu", 1.0, "mounts.scanner: there is no calibration 'fu'"),
+        ("source.robots.nomad.calib_sd.k", 1.0, "no calibration 'k': it has speed scale"),
+    ],
+)
+def test_what_the_truth_does_not_have_is_refused_when_it_is_set(
+    path: str, value: object, words: str
+) -> None:
+    session = Session(build("nomad"))
+    session.advance()
+    before = session.settings.experiment
+    with pytest.raises(ParamError, match=words):
+        session.apply(SetParam(path, value))
+    assert session.settings.experiment == before
+    session.apply(SetParam("source.robots.nomad.calib_sd.speed scale", 0.1))
+    session.advance()
+
+
 def test_waypoints_may_be_given_as_they_are_typed() -> None:
     session = Session(build("nomad"))
     session.apply(SetParam(f"{DRIVER}.points", "2, 0; 0, 2.5"))
