@@ -226,7 +226,7 @@ def with_policies(world: World, new: EstimatorSettings) -> tuple[World, list[str
         n = sum(not f.known for f in of_shape)
         what = "features" if shape == "point" else "lines"
         begins = f"no new {what}" if now is None else f"new {what} by '{now.name}'"
-        notes.append(f"{begins}; the {n} in the map stay as they are")
+        notes.append(f"{begins}; the {n} in the map stay as they are" if n else begins)
     return world, notes
 
 

@@ -210,7 +210,7 @@ def test_lines_are_mapped_from_the_next_frame_on_and_left_again() -> None:
     session.advance()
     assert not lines_of(session)
     session.apply(SwapModel(LINE, "inverse depth line"))
-    assert session.message == "new lines by 'inverse depth line'; the 0 in the map stay as they are"
+    assert session.message == "new lines by 'inverse depth line'"
     for _ in range(3):
         session.advance()
     mapped = lines_of(session)
