@@ -10,7 +10,7 @@ from scene_core.arrays import Vec
 from scene_core.filter.ports import SourceError
 from scene_core.geometry.embedding import embed
 from scene_core.geometry.spaces import Space
-from scene_core.sources.truth import TrueMarker, TrueRobot
+from scene_core.sources.truth import TrueMarker, TrueRobot, check_hook
 
 
 def places(
@@ -46,11 +46,7 @@ def check(
         if marker.robot not in robots:
             raise SourceError(f"{at}: there is no true robot '{marker.robot}'")
         motion = robots[marker.robot].motion
-        if marker.hook not in motion.hooks:
-            raise SourceError(
-                f"{at}.hook = '{marker.hook}': '{motion.name}' has the hooks "
-                f"{', '.join(motion.hooks)}"
-            )
+        check_hook(at, marker.hook, motion)
         d = motion.space.d
         if not d <= len(marker.position) <= 3:
             raise SourceError(f"{at}.position: give {d} numbers, or 3 for sensors in space")

@@ -124,18 +124,21 @@ def check_robots(robots: Mapping[str, TrueRobot]) -> None:
             )
 
 
+def check_hook(at: str, hook: str, motion: MotionModel) -> None:
+    """Raises SourceError when something is fixed to a hook that a robot does not have."""
+    if hook not in motion.hooks:
+        raise SourceError(
+            f"{at}.hook = '{hook}': '{motion.name}' has the hooks {', '.join(motion.hooks)}"
+        )
+
+
 def check_mounts(mounts: Mapping[str, TrueMount], robots: Mapping[str, TrueRobot]) -> None:
     """Raises SourceError for a sensor that is on no robot, on none of its hooks, or at a place of
     another dimension."""
     for i, mount in mounts.items():
         if mount.robot not in robots:
             raise SourceError(f"source.mounts.{i}: there is no true robot '{mount.robot}'")
-        motion = robots[mount.robot].motion
-        if mount.hook not in motion.hooks:
-            raise SourceError(
-                f"source.mounts.{i}.hook = '{mount.hook}': '{motion.name}' has the hooks "
-                f"{', '.join(motion.hooks)}"
-            )
+        check_hook(f"source.mounts.{i}", mount.hook, robots[mount.robot].motion)
         n = mount.sensor.space.n
         if len(mount.pose) != n:
             raise SourceError(f"source.mounts.{i}.pose: give {n} numbers, not {len(mount.pose)}")
